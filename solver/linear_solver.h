@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "solver/field.h"
+
+namespace sinew {
+
+/// How far to go. Missing the tolerance is an outcome (see SolveReport), not an exception.
+struct SolveOptions {
+  double tolerance = 1e-3;  ///< relative residual |b - A x| / |b|, worst of the columns; > 0
+  int max_cycles = 60;      ///< stop here even if the tolerance is not reached
+  bool from_zero = false;   ///< ignore the first guess and begin with full multigrid from zero
+};
+
+/// How a solve went.
+struct SolveReport {
+  int cycles = 0;          ///< multigrid cycles, or iterations of the other solvers; 0 for a direct one
+  double residual = 0;     ///< |b - A x| / |b| after the last cycle, in double; the worst of the columns
+  bool converged = false;  ///< residual <= SolveOptions::tolerance
+};
+
+/// Scratch memory of one thread of solves. Made by the solver it serves.
+class SolverWorkspace {
+ public:
+  virtual ~SolverWorkspace() = default;
+};
+
+/// The one interface all solvers stand behind: prepared once for a matrix, asked every frame.
+class LinearSolver {
+ public:
+  virtual ~LinearSolver() = default;
+
+  /// Memory for solves of up to `columns` right-hand sides at once. The only call that allocates.
+  virtual std::unique_ptr<SolverWorkspace> make_workspace(int columns) const = 0;
+
+  /// Solves A x = b. `b` and `x` are n x k with k <= the workspace's columns; `x` holds the first
+  /// guess on entry and the answer on return. Allocates nothing. The answer does not depend on the
+  /// number of threads. Throws std::invalid_argument when shapes or the workspace do not fit.
+  virtual SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
+                            const SolveOptions& options, SolverWorkspace& workspace) const = 0;
+
+  virtual std::string name() const = 0;
+  virtual int size() const = 0;            ///< n
+  virtual std::size_t bytes() const = 0;   ///< held by the prepared solver, workspaces not counted
+};
+
+}  // namespace sinew

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "solver/hierarchy.h"
+#include "solver/laplacian.h"
+#include "solver/linear_solver.h"
+#include "solver/thread_team.h"
+
+namespace sinew {
+
+struct MultigridOptions {
+  HierarchyOptions hierarchy;       ///< which coarse levels, and how small the last one is
+  int smoothing_sweeps = 2;         ///< Gauss-Seidel sweeps before and after each coarse correction
+  bool conjugate_gradients = true;  ///< each cycle preconditions one step of flexible CG
+};
+
+/// Multigrid cycles over a Hierarchy; prepared once, used every frame.
+class MultigridSolver : public LinearSolver {
+ public:
+  /// Throws std::invalid_argument when a component of the system holds no anchored node.
+  /// `team` is borrowed and must outlive the solver.
+  MultigridSolver(const LinearSystem& system, const MultigridOptions& options, ThreadTeam& team);
+  ~MultigridSolver() override;
+
+  std::unique_ptr<SolverWorkspace> make_workspace(int columns) const override;
+  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
+                    const SolveOptions& options, SolverWorkspace& workspace) const override;
+  std::string name() const override;
+  int size() const override;
+  std::size_t bytes() const override;
+
+  const Hierarchy& hierarchy() const;
+
+ private:
+  struct Members;
+  std::unique_ptr<Members> members_;
+};
+
+}  // namespace sinew

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "tools/exit_codes.h"
+
+/// The program's verbs: each takes its resolved options and returns the exit code. Only files in
+/// this folder print; they write results to standard output, everything else to standard error.
+namespace sinew {
+
+enum class Overwrite { ask, yes, no };
+enum class ProgressStyle { automatic, bar, plain, json, none };
+
+/// Options every verb shares.
+struct CommonOptions {
+  bool quiet = false;
+  bool verbose = false;
+  ProgressStyle progress = ProgressStyle::automatic;
+};
+
+struct InspectOptions {
+  std::filesystem::path file;
+  bool json = false;
+};
+
+struct AnimateCommandOptions {
+  std::filesystem::path mesh;
+  std::filesystem::path clip;  ///< empty: the mesh file's own animation
+  std::filesystem::path output;
+  std::filesystem::path rig;
+  std::filesystem::path report;
+  std::string animation;       ///< of a glTF clip: name or index; empty: the first
+  std::string frames;
+  double fps = 0.0;            ///< 0: the clip's own (glTF: 30)
+  std::string interior = "lattice";
+  double density = 0.0;
+  double spacing = 0.0;
+  std::string solver = "multigrid";
+  std::string hierarchy = "lattice";
+  std::string deform = "refined";
+  std::string format = "pca";
+  double tolerance = 1e-3;
+  double gltf_tolerance = 1e-3;
+  int threads = 0;
+  bool in_place = false;
+  Overwrite overwrite = Overwrite::ask;
+  CommonOptions common;
+};
+
+ExitCode run_inspect(const InspectOptions& options);
+ExitCode run_animate(const AnimateCommandOptions& options);
+
+}  // namespace sinew

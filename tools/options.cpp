@@ -1,0 +1,119 @@
+#include "tools/options.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <map>
+#include <string>
+
+#include "tools/commands.h"
+#include "tools/frame_range.h"
+#include "tools/version.h"
+
+namespace sinew {
+namespace {
+
+constexpr const char* kExitCodeText =
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 malformed input, 4 input that cannot be used,\n"
+    "5 input/output error, 6 resource limit, 70 internal error, 130/143 interrupted.";
+
+const std::map<std::string, ProgressStyle> kProgressStyles = {{"auto", ProgressStyle::automatic},
+                                                              {"bar", ProgressStyle::bar},
+                                                              {"plain", ProgressStyle::plain},
+                                                              {"json", ProgressStyle::json},
+                                                              {"none", ProgressStyle::none}};
+
+void add_common(CLI::App& verb, CommonOptions& common) {
+  verb.add_flag("-q,--quiet", common.quiet, "Print errors only");
+  verb.add_flag("-v,--verbose", common.verbose, "Print what each stage found");
+  verb.add_option("--progress", common.progress, "auto, bar, plain, json or none")
+      ->transform(CLI::CheckedTransformer(kProgressStyles, CLI::ignore_case).description(""));
+}
+
+CLI::Validator one_of(std::initializer_list<std::string> names) {
+  return CLI::IsMember(std::vector<std::string>(names)).description("");
+}
+
+void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool& no) {
+  CLI::App* verb = app.add_subcommand("animate", "Animate a mesh with a motion capture clip");
+  verb->add_option("MESH", options.mesh, "Mesh: obj, ply, off, stl, gltf or glb")->required();
+  verb->add_option("CLIP", options.clip, "Motion: bvh, gltf or glb (default: the mesh file's own animation)");
+  verb->add_option("-o,--output", options.output, "File to write: .glb, or .obj with #### for the frame number")
+      ->required();
+  verb->add_flag("-y,--yes", yes, "Overwrite the output");
+  verb->add_flag("-n,--no", no, "Never overwrite");
+  verb->add_option("--rig", options.rig, "Rig file (TOML): where the joints are inside the mesh");
+  verb->add_option("--animation", options.animation, "Animation of a glTF clip: name or number from 0");
+  verb->add_option("--frames", options.frames, "Frames to solve: 12, 1-100, 1-100x5; -1 is the last");
+  verb->add_option("--fps", options.fps, "Resample the clip to this rate (default: its own; glTF 30)")
+      ->check(CLI::Range(0.1, 10000.0).description(""));
+  verb->add_flag("--in-place", options.in_place, "Keep the body above its starting point");
+  verb->add_option("--interior", options.interior, "What fills the body: lattice, tetgen or none")
+      ->check(one_of({"lattice", "tetgen", "none"}));
+  verb->add_option("--density", options.density, "Interior nodes per surface vertex (default: from the mesh)")
+      ->check(CLI::Range(0.01, 1000.0).description(""));
+  verb->add_option("--spacing", options.spacing, "Spacing of the interior lattice in mesh units, instead of --density")
+      ->check(CLI::PositiveNumber.description(""));
+  verb->add_option("--deform", options.deform, "refined, or paper for Shi 2006 as published")
+      ->check(one_of({"refined", "paper"}));
+  verb->add_option("--solver", options.solver, "multigrid, cholesky or pcg")
+      ->check(one_of({"multigrid", "cholesky", "pcg"}));
+  verb->add_option("--hierarchy", options.hierarchy, "Of the multigrid: lattice or shi2006")
+      ->check(one_of({"lattice", "shi2006"}));
+  verb->add_option("--tolerance", options.tolerance, "Relative residual at which a solve stops")
+      ->check(CLI::Range(1e-14, 1.0).description(""))
+      ->capture_default_str();
+  verb->add_option("--format", options.format, "pca (few morph targets), exact (one per frame) or obj (a file per frame)")
+      ->check(one_of({"pca", "exact", "obj"}));
+  verb->add_option("--gltf-tolerance", options.gltf_tolerance, "pca: error allowed, as a share of the body's diagonal")
+      ->check(CLI::Range(1e-7, 0.5).description(""))
+      ->capture_default_str();
+  verb->add_option("-j,--threads", options.threads, "Threads (default: all); the result is the same for any number")
+      ->check(CLI::Range(1, 1024).description(""));
+  verb->add_option("--report", options.report, "Write timings and solver figures as JSON");
+  add_common(*verb, options.common);
+}
+
+void add_inspect(CLI::App& app, InspectOptions& options) {
+  CLI::App* verb = app.add_subcommand("inspect", "Print what is in a mesh or motion file");
+  verb->add_option("FILE", options.file, "obj, ply, off, stl, gltf, glb or bvh")->required();
+  verb->add_flag("--json", options.json, "Print JSON instead of a table");
+}
+
+}  // namespace
+
+ExitCode run_command_line(int argc, char** argv) {
+  CLI::App app{"Animates a base mesh with motion capture, no weights to paint.", "sinew"};
+  app.footer(kExitCodeText);
+  app.set_version_flag("--version", std::string("sinew ") + kVersion);
+  app.set_config("--config", "", "TOML file with options, a [section] per verb; unknown keys are errors");
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.require_subcommand(1);
+
+  AnimateCommandOptions animate;
+  InspectOptions inspect;
+  bool yes = false;
+  bool no = false;
+  add_animate(app, animate, yes, no);
+  add_inspect(app, inspect);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& wanted) {  // --help and --version
+    app.exit(wanted);
+    return ExitCode::ok;
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "error: " << error.what() << "; see sinew --help\n";
+    return ExitCode::usage;
+  }
+  try {
+    if (yes && no) throw std::invalid_argument("-y and -n exclude each other");
+    animate.overwrite = yes ? Overwrite::yes : no ? Overwrite::no : Overwrite::ask;
+    if (!animate.frames.empty()) parse_frame_range(animate.frames);
+  } catch (const std::invalid_argument& error) {
+    std::cerr << "error: " << error.what() << "; see sinew --help\n";
+    return ExitCode::usage;
+  }
+  return app.got_subcommand("animate") ? run_animate(animate) : run_inspect(inspect);
+}
+
+}  // namespace sinew

@@ -1,0 +1,127 @@
+#include "io/bvh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "io/atomic_file.h"
+#include "io/bvh_hierarchy.h"
+#include "io/bvh_motion.h"
+#include "io/bvh_text.h"
+#include "io/file_error.h"
+
+namespace sinew {
+namespace {
+
+/// Bytes. Counts of joints and frames then fit an int.
+constexpr std::size_t kLargestFile = std::size_t{1} << 31;
+
+/// Joints without channels cost a file nothing per frame but cost a clip a transform. Beyond this
+/// many transforms, a clip may have one for each byte of its file.
+constexpr std::size_t kFreeTransforms = 1'000'000;
+
+/// What else a file that is named .bvh often is; empty if nothing comes to mind.
+std::string other_kind(std::string_view text) {
+  if (text.starts_with("version https://git-lfs")) return "a Git LFS pointer: fetch the file itself with git lfs pull";
+  const bool utf16_mark = text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF");
+  const bool every_second_zero = text.size() >= 4 && ((text[1] == '\0' && text[3] == '\0' && text[0] != '\0') ||
+                                                      (text[0] == '\0' && text[2] == '\0' && text[1] != '\0'));
+  if (utf16_mark || every_second_zero) return "UTF-16 text: save it as UTF-8";
+  const std::string_view visible = text.substr(std::min(text.find_first_not_of(" \t\r\n\xEF\xBB\xBF"), text.size()));
+  if (same_word(visible.substr(0, 9), "<!doctype") || same_word(visible.substr(0, 5), "<html")) return "an HTML page";
+  if (visible.starts_with("<")) return "XML";
+  if (visible.empty()) return "an empty file";
+  return {};
+}
+
+void check_kind(std::string_view text, const std::filesystem::path& name) {
+  if (text.size() > kLargestFile) {
+    throw FileError(FileFault::resource, name.string(),
+                    "file has " + std::to_string(text.size()) + " bytes; at most " + std::to_string(kLargestFile) +
+                        " are read");
+  }
+  const std::string kind = other_kind(text);
+  if (!kind.empty()) throw FileError(name, 1, "not a BVH file (looks like " + kind + ")");
+}
+
+Eigen::Quaterniond turn_about(int axis, double degrees) {
+  const double half = degrees * (std::numbers::pi / 360.0);
+  Eigen::Quaterniond turn(std::cos(half), 0.0, 0.0, 0.0);
+  turn.coeffs()[axis] = std::sin(half);
+  return turn;
+}
+
+/// Joints start each frame as the file declares them; channels replace (positions) or turn on
+/// (rotations, each about the axes the ones before it have turned).
+void apply_channels(const std::vector<BvhChannel>& channels, const double* values, Transform* joints) {
+  for (const BvhChannel& channel : channels) {
+    Transform& joint = joints[channel.joint];
+    if (channel.kind == BvhChannel::Kind::position) joint.translation[channel.axis] = *values++;
+    else joint.rotation = joint.rotation * turn_about(channel.axis, *values++);
+  }
+}
+
+std::vector<Transform> local_transforms(const BvhHierarchy& hierarchy, const BvhMotion& motion) {
+  const std::vector<Transform>& rest = hierarchy.skeleton.rest;
+  std::vector<Transform> local;
+  local.reserve(rest.size() * static_cast<std::size_t>(motion.frame_count));
+  for (int frame = 0; frame < motion.frame_count; ++frame) {
+    local.insert(local.end(), rest.begin(), rest.end());
+    apply_channels(hierarchy.channels, motion.values.data() + frame * hierarchy.channels.size(),
+                   local.data() + frame * rest.size());
+  }
+  return local;
+}
+
+void check_size(const BvhHierarchy& hierarchy, const BvhMotion& motion, std::size_t bytes,
+                const std::filesystem::path& name) {
+  const std::size_t joints = hierarchy.skeleton.names.size();
+  const auto frames = static_cast<std::size_t>(motion.frame_count);
+  const std::size_t most = kFreeTransforms + bytes;
+  if (frames <= most / joints) return;
+  throw FileError(FileFault::resource, name.string(),
+                  std::to_string(frames) + " frames of " + std::to_string(joints) +
+                      " joints, most of them without channels; at most " + std::to_string(most / joints) +
+                      " frames are read");
+}
+
+std::string spelled(const Eigen::Vector3d& vector) {
+  return "(" + std::to_string(vector.x()) + ", " + std::to_string(vector.y()) + ", " + std::to_string(vector.z()) + ")";
+}
+
+/// A few exporters mean root positions as added to OFFSET. It shows where motion begins near the
+/// origin though OFFSET is far from it.
+void warn_of_added_positions(const Clip& clip, long first_line, BvhText& text) {
+  const Eigen::Vector3d offset = clip.skeleton.rest[0].translation;
+  const Eigen::Vector3d start = clip.local[0].translation;
+  if (start.norm() > 0.1 * offset.norm() || offset.isZero(0.0)) return;
+  text.warn("W_BVH_ROOT_AT_ORIGIN", first_line,
+            "the root starts at " + spelled(start) + " though its OFFSET is " + spelled(offset) +
+                "; positions replace OFFSET");
+}
+
+}  // namespace
+
+Clip parse_bvh(std::string_view bytes, const std::filesystem::path& name) {
+  check_kind(bytes, name);
+  BvhText text(bytes, name);
+  BvhHierarchy hierarchy = read_bvh_hierarchy(text);
+  const BvhMotion motion = read_bvh_motion(text, hierarchy.channels.size());
+  check_size(hierarchy, motion, bytes.size(), name);
+  Clip clip;
+  clip.name = name.stem().string();
+  clip.frames_per_second = motion.frames_per_second;
+  clip.frame_count = motion.frame_count;
+  clip.local = local_transforms(hierarchy, motion);
+  clip.skeleton = std::move(hierarchy.skeleton);
+  warn_of_added_positions(clip, motion.first_line, text);
+  clip.warnings = text.take_warnings();
+  return clip;
+}
+
+Clip read_bvh(const std::filesystem::path& path) {
+  const std::vector<std::byte> bytes = read_whole_file(path, kLargestFile);
+  return parse_bvh({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, path);
+}
+
+}  // namespace sinew

@@ -8,7 +8,9 @@
 namespace sinew {
 
 /// Conjugate gradients preconditioned by Eigen's incomplete Cholesky factorisation, one column at a
-/// time. SolveReport::cycles is the largest iteration count of the columns.
+/// time. SolveReport::cycles is the largest iteration count of the columns; SolveOptions::max_cycles
+/// bounds it, so allow some hundreds. `solve` itself allocates nothing; Eigen's preconditioner makes
+/// a temporary or two of n numbers each time it is applied.
 class ConjugateGradientSolver : public LinearSolver {
  public:
   explicit ConjugateGradientSolver(const LinearSystem& system);

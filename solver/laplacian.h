@@ -30,15 +30,21 @@ struct LinearSystem {
   Field3 rest_positions;  ///< n x 3; steers the coarsening only, never the equations
 };
 
-/// laplacian(system.graph) + diag(system.anchor).
+/// laplacian(system.graph) + diag(system.anchor). Throws std::invalid_argument when the anchor is not n
+/// long.
 SparseMatrix matrix(const LinearSystem& system);
 
 /// Components of the system that hold no anchored node: there the matrix is singular. Empty when
 /// all is well.
 std::vector<int> unanchored_components(const LinearSystem& system, const Components& components);
 
-/// out = b - A x, all n x k, without forming A. One pass over the edges.
+/// out = b - A x, all n x k, without forming A. One pass over the edges. Resizes `out` where its
+/// shape differs. Throws std::invalid_argument when b or x does not fit.
 void residual(const LinearSystem& system, const Eigen::Ref<const Columns>& b,
               const Eigen::Ref<const Columns>& x, Columns& out);
+
+/// The same into memory of the right shape, which is never resized.
+void residual_into(const LinearSystem& system, const Eigen::Ref<const Columns>& b,
+                   const Eigen::Ref<const Columns>& x, Eigen::Ref<Columns> out);
 
 }  // namespace sinew

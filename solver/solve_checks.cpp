@@ -1,0 +1,57 @@
+#include "solver/solve_checks.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sinew {
+
+void check_system(const char* solver, const LinearSystem& system) {
+  const int n = system.graph.node_count();
+  if (system.anchor.size() != n)
+    throw std::invalid_argument(std::string(solver) + ": anchor has " + std::to_string(system.anchor.size()) +
+                                " entries; expected " + std::to_string(n));
+  for (int i = 0; i < n; ++i)
+    if (!(system.anchor[i] >= 0) || !std::isfinite(system.anchor[i]))
+      throw std::invalid_argument(std::string(solver) + ": anchor of node " + std::to_string(i) + " is " +
+                                  std::to_string(system.anchor[i]) + "; expected finite and not negative");
+  const Components components = connected_components(system.graph);
+  const std::vector<int> loose = unanchored_components(system, components);
+  if (loose.empty()) return;
+  const auto first = std::find(components.component.begin(), components.component.end(), loose.front());
+  throw std::invalid_argument(std::string(solver) + ": " + std::to_string(loose.size()) + " of " +
+                              std::to_string(components.count) +
+                              " components hold no anchored node; the first is the one of node " +
+                              std::to_string(first - components.component.begin()));
+}
+
+void check_workspace_columns(const char* solver, int columns) {
+  if (columns < 1)
+    throw std::invalid_argument(std::string(solver) + "::make_workspace: columns is " + std::to_string(columns) +
+                                "; expected at least 1");
+}
+
+void check_shapes(const char* solver, int n, int workspace_columns, const Eigen::Ref<const Columns>& b,
+                  const Eigen::Ref<Columns>& x) {
+  const std::string where = std::string(solver) + "::solve: ";
+  if (b.rows() != n || x.rows() != n || b.cols() != x.cols())
+    throw std::invalid_argument(where + "b is " + std::to_string(b.rows()) + " x " + std::to_string(b.cols()) +
+                                " and x " + std::to_string(x.rows()) + " x " + std::to_string(x.cols()) +
+                                "; expected " + std::to_string(n) + " rows and as many columns in both");
+  if (b.cols() > workspace_columns)
+    throw std::invalid_argument(where + std::to_string(b.cols()) + " columns; the workspace was made for " +
+                                std::to_string(workspace_columns));
+}
+
+double relative_residual(const LinearSystem& system, const Eigen::Ref<const Columns>& b,
+                         const Eigen::Ref<const Columns>& x, Columns& scratch) {
+  residual_into(system, b, x, scratch.leftCols(b.cols()));
+  double worst = 0;
+  for (Eigen::Index column = 0; column < b.cols(); ++column) {
+    const double size = b.col(column).norm();
+    const double left = scratch.col(column).norm();
+    worst = std::max(worst, size > 0 ? left / size : left);
+  }
+  return worst;
+}
+
+}  // namespace sinew

@@ -62,6 +62,10 @@ struct MeshAsset {
   TriMesh mesh;                          ///< welded; degenerate triangles left out
   Field3 source_positions;               ///< every vertex of the source, mesh space (glTF: scene space at bind)
   std::vector<int> vertex_of_source;     ///< source row -> vertex of `mesh`; -1 for an unreferenced one
+  /// Where a file numbers its positions apart from their texture coordinates and normals (OBJ): for each
+  /// position in the file's order, the first row made from it. A cache of these rows fits the file as other
+  /// programs load it. Empty when rows and the file's vertices are the same.
+  std::vector<int> row_of_file_vertex;
   std::vector<SourcePrimitive> primitives;
   /// glTF arrays that travel untouched: an object with "materials", "textures", "samplers",
   /// "images" (bufferView and uri replaced by "source": index into `images`), and the

@@ -1,6 +1,8 @@
 #include "io/bvh.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <numbers>
 
@@ -20,7 +22,7 @@ constexpr std::size_t kLargestFile = std::size_t{1} << 31;
 /// many transforms, a clip may have one for each byte of its file.
 constexpr std::size_t kFreeTransforms = 1'000'000;
 
-/// What else a file that is named .bvh often is; empty if nothing comes to mind.
+/// What else a file that is named .bvh often is; nothing if it may well be one.
 std::string other_kind(std::string_view text) {
   if (text.starts_with("version https://git-lfs")) return "a Git LFS pointer: fetch the file itself with git lfs pull";
   const bool utf16_mark = text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF");
@@ -41,7 +43,7 @@ void check_kind(std::string_view text, const std::filesystem::path& name) {
                         " are read");
   }
   const std::string kind = other_kind(text);
-  if (!kind.empty()) throw FileError(name, 1, "not a BVH file (looks like " + kind + ")");
+  if (!kind.empty()) throw FileError(name, 1, "not a BVH file but " + kind);
 }
 
 Eigen::Quaterniond turn_about(int axis, double degrees) {
@@ -86,7 +88,13 @@ void check_size(const BvhHierarchy& hierarchy, const BvhMotion& motion, std::siz
 }
 
 std::string spelled(const Eigen::Vector3d& vector) {
-  return "(" + std::to_string(vector.x()) + ", " + std::to_string(vector.y()) + ", " + std::to_string(vector.z()) + ")";
+  std::string result;
+  for (const double component : vector) {
+    std::array<char, 32> digits{};  // the shortest text of a double takes 24 at most
+    const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), component).ptr;
+    result.append(result.empty() ? "(" : ", ").append(digits.data(), end);
+  }
+  return result + ")";
 }
 
 /// A few exporters mean root positions as added to OFFSET. It shows where motion begins near the

@@ -22,6 +22,7 @@ struct Header {
   std::optional<long long> frames;
   std::optional<double> frame_time;
   long frames_line = 0;
+  long frame_time_line = 0;
   long first_row_line = 0;
 };
 
@@ -39,6 +40,7 @@ void read_frames(BvhText& text, Header& header) {
 
 void read_frame_time(BvhText& text, Header& header) {
   if (header.frame_time) text.fail("a second Frame Time:; expected one");
+  header.frame_time_line = text.line();
   if (text.at_line_end()) return;
   const double seconds = text.take_number();
   const bool usable = seconds == 0.0 || (seconds >= kShortestFrame && seconds <= kLongestFrame);
@@ -164,13 +166,14 @@ class RowReader {
 BvhMotion read_bvh_motion(BvhText& text, std::size_t channel_count) {
   const long motion_line = text.line();
   if (channel_count == 0) text.fail("no joint has channels; expected at least one that moves");
-  const Header header = read_header(text);
+  Header header = read_header(text);
+  if (header.frame_time_line == 0) header.frame_time_line = motion_line;
   BvhMotion motion;
   if (header.frame_time.value_or(0.0) > 0.0) {
     motion.frames_per_second = frames_per_second(*header.frame_time);
   } else {
     motion.frames_per_second = kUsualRate;
-    text.warn("W_BVH_NO_FRAME_TIME", motion_line, "no frame time, or zero; 30 frames per second are assumed");
+    text.warn("W_BVH_NO_FRAME_TIME", header.frame_time_line, "no frame time, or zero; 30 frames per second are assumed");
   }
   motion.first_line = header.first_row_line;
   motion.values = RowReader(text, header, channel_count).read();

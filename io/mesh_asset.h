@@ -41,7 +41,7 @@ struct SourceImage {
 /// What was found while reading: never repaired in silence.
 struct MeshDiagnosis {
   std::int64_t source_vertices = 0;
-  std::int64_t source_faces = 0;        ///< polygons as the file has them
+  std::int64_t source_faces = 0;        ///< polygons as the file has them; a reader's to fill
   std::int64_t triangles = 0;           ///< after triangulation
   std::int64_t welded_vertices = 0;
   std::int64_t unreferenced_vertices = 0;
@@ -50,9 +50,9 @@ struct MeshDiagnosis {
   int components = 0;                   ///< of the welded surface
   std::int64_t boundary_edges = 0;
   std::int64_t non_manifold_edges = 0;  ///< more than two triangles
-  std::int64_t inconsistent_edges = 0;  ///< two triangles that run it in the same direction
+  std::int64_t inconsistent_edges = 0;  ///< run by several triangles in the same direction; twice when in both
   bool closed = false;                  ///< no boundary and no non-manifold edge
-  bool outward = true;                  ///< the enclosed volume is positive
+  bool outward = true;                  ///< as read, the enclosed volume is positive; true when not closed
 };
 
 /// A mesh file: the welded surface that is solved, and all that the file carried besides.
@@ -62,10 +62,10 @@ struct MeshAsset {
   TriMesh mesh;                          ///< welded; degenerate triangles left out
   Field3 source_positions;               ///< every vertex of the source, mesh space (glTF: scene space at bind)
   std::vector<int> vertex_of_source;     ///< source row -> vertex of `mesh`; -1 for an unreferenced one
-  /// Where a file numbers its positions apart from their texture coordinates and normals (OBJ): for each
-  /// position in the file's order, the first row made from it. A cache of these rows fits the file as other
-  /// programs load it. Empty when rows and the file's vertices are the same.
-  std::vector<int> row_of_file_vertex;
+  /// Where a file numbers its positions apart from their texture coordinates and normals (OBJ): row -> the
+  /// position it was made from, in the file's order; each position has a row or more. So a cache in that order
+  /// fits the file as other programs load it. Empty when rows and the file's vertices are the same.
+  std::vector<int> file_vertex_of_row;
   std::vector<SourcePrimitive> primitives;
   /// glTF arrays that travel untouched: an object with "materials", "textures", "samplers",
   /// "images" (bufferView and uri replaced by "source": index into `images`), and the
@@ -78,7 +78,11 @@ struct MeshAsset {
 
 /// Welds vertices closer than `tolerance` times the bounding-box diagonal (a grid hash with
 /// neighbours looked up, each cluster taking its first vertex's position), drops degenerate
-/// triangles, and fills mesh, vertex_of_source and diagnosis from source_positions and primitives.
+/// triangles, and fills mesh, vertex_of_source and diagnosis from source_positions and primitives; of the
+/// diagnosis source_faces is kept. Vertices keep the order of their first rows, triangles that of the
+/// primitives. A vertex that only degenerate triangles use stays, without a triangle. Triangles without
+/// area but with three corners still count when edges and components are counted. A closed surface that
+/// faces inward is turned in `mesh`, not in the primitives, with one warning.
 /// Linear. Throws FileError (unusable) when no triangle is left.
 void weld_and_diagnose(MeshAsset& asset, double tolerance = 1e-6);
 

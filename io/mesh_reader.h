@@ -29,7 +29,7 @@ MeshAsset parse_mesh(std::string_view bytes, const std::filesystem::path& name);
 /// Wavefront OBJ. Faces are told apart by o or g and by usemtl, and each kind becomes a primitive:
 /// first the `v` it uses in the file's order, then a copy for every further pair of texture coordinate
 /// and normal that one of them carries. `v` that no face uses belong to the first primitive, so a file
-/// of one group keeps its order whole; row_of_file_vertex leads back to it in any case.
+/// of one group keeps its order whole; file_vertex_of_row leads back to it in any case.
 MeshAsset parse_obj(std::string_view bytes, const std::filesystem::path& name);
 /// Stanford PLY: text, and binary of either byte order.
 MeshAsset parse_ply(std::string_view bytes, const std::filesystem::path& name);

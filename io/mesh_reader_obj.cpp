@@ -257,7 +257,6 @@ class PrimitiveBuilder {
     positions_.resize(rows, 3);
     for (Eigen::Index row = 0; row < rows; ++row) positions_.row(row) = obj.positions[row].transpose();
     asset_.warnings = obj.warnings;
-    asset_.row_of_file_vertex.assign(obj.positions.size(), kNone);
   }
 
   MeshAsset build() {
@@ -303,7 +302,6 @@ class PrimitiveBuilder {
     for (const int vertex : vertices) {
       row_of_vertex_[vertex] = static_cast<int>(corner_of_row_.size());
       first_corner_[vertex] = {};
-      if (asset_.row_of_file_vertex[vertex] == kNone) asset_.row_of_file_vertex[vertex] = row_of_vertex_[vertex];
       corner_of_row_.push_back({.vertex = vertex, .texture = kNone, .normal = kNone});
     }
   }
@@ -399,7 +397,9 @@ class PrimitiveBuilder {
     const auto rows = static_cast<Eigen::Index>(corner_of_row_.size());
     asset_.source_positions.resize(rows, 3);
     for (Eigen::Index row = 0; row < rows; ++row) {
-      asset_.source_positions.row(row) = positions_.row(corner_of_row_[row].vertex);
+      const int vertex = corner_of_row_[row].vertex;
+      asset_.source_positions.row(row) = positions_.row(vertex);
+      asset_.file_vertex_of_row.push_back(vertex);
     }
   }
 

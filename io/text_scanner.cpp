@@ -19,22 +19,6 @@ std::string_view without_plus(std::string_view word) {
   return plus ? word.substr(1) : word;
 }
 
-/// Length of the UTF-8 sequence of a printable character at the front of `text`; 0 when there is none.
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [text](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  if (byte(0) < 0x80) return byte(0) < 0x20 || byte(0) == 0x7F ? 0 : 1;
-  const std::size_t length = byte(0) >= 0xF0 ? 4 : byte(0) >= 0xE0 ? 3 : 2;
-  if (byte(0) < 0xC0 || byte(0) >= 0xF8 || length > text.size()) return 0;
-  std::uint32_t code = byte(0) & (0x7F >> length);
-  for (std::size_t i = 1; i < length; ++i) {
-    if ((byte(i) & 0xC0) != 0x80) return 0;
-    code = code << 6 | (byte(i) & 0x3F);
-  }
-  constexpr std::uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};  // below it, a shorter form exists
-  const bool surrogate = code >= 0xD800 && code < 0xE000;
-  return code >= kLeast[length] && code <= 0x10FFFF && !surrogate ? length : 0;
-}
-
 /// A number from_chars found out of range for a double: 0 when it is too small.
 double out_of_range_number(std::string_view word, const TextPlace& place) {
   long double wide = 0;
@@ -94,12 +78,28 @@ std::string in_quotes(std::string_view word) {
   return "'" + text + (word.size() > kLongest ? "...'" : "'");
 }
 
+std::size_t utf8_length(std::string_view text) {
+  const auto byte = [text](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  if (byte(0) < 0x80) return 1;
+  const std::size_t length = byte(0) >= 0xF0 ? 4 : byte(0) >= 0xE0 ? 3 : 2;
+  if (byte(0) < 0xC0 || byte(0) >= 0xF8 || length > text.size()) return 0;
+  std::uint32_t code = byte(0) & (0x7F >> length);
+  for (std::size_t i = 1; i < length; ++i) {
+    if ((byte(i) & 0xC0) != 0x80) return 0;
+    code = code << 6 | (byte(i) & 0x3F);
+  }
+  constexpr std::uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};  // below it, a shorter form exists
+  const bool surrogate = code >= 0xD800 && code < 0xE000;
+  return code >= kLeast[length] && code <= 0x10FFFF && !surrogate ? length : 0;
+}
+
 std::string printable_name(std::string_view rest) {
   rest = trimmed(rest).substr(0, 256);
   std::string name;
   while (!rest.empty()) {
     const std::size_t length = utf8_length(rest);
-    name += length > 0 ? rest.substr(0, length) : "?";
+    const bool control = rest[0] >= 0 && (rest[0] < ' ' || rest[0] == 0x7F);
+    name += length > 0 && !control ? rest.substr(0, length) : "?";
     rest.remove_prefix(std::max<std::size_t>(1, length));
   }
   return name;

@@ -34,6 +34,8 @@ bool equal_ignoring_case(std::string_view a, std::string_view b);
 
 /// `word` in single quotes, cut to a readable length, with what does not print shown as '?'.
 std::string in_quotes(std::string_view word);
+/// Bytes of the UTF-8 character at the front of `text`, which is not empty; 0 when there is no valid one.
+std::size_t utf8_length(std::string_view text);
 /// What follows a keyword as a name: trimmed, at most 256 bytes, valid UTF-8; '?' for what is not.
 std::string printable_name(std::string_view rest);
 /// "1 vertex", "3 vertices".

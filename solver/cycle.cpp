@@ -1,0 +1,324 @@
+// Multigrid cycles [Trottenberg, Oosterlee, Schüller 2000]; Gauss-Seidel sweeps are [Shi et al. 2006, eq. 7].
+#include "solver/cycle.h"
+
+#include <algorithm>
+
+#include "solver/sweep_blocks.h"
+
+namespace sinew {
+namespace {
+
+constexpr int kCorners = 8;
+constexpr int kPiecesPerBlock = 512;
+constexpr int kRowsPerBlock = 2048;
+
+/// Sweeps that stand in for a direct solve when the last level is too large to factor.
+constexpr int kLastLevelSweeps = 20;
+
+// Sum of the weighted neighbors of node i. Uniform weights are not even stored.
+template <int kWidth, bool kUniform>
+inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int i) {
+  typename Lanes<kWidth>::Float sum{};
+  const int end = A.offsets[i + 1];
+  if constexpr (kUniform) {
+    for (int k = A.offsets[i]; k < end; ++k) sum += x[A.neighbors[k]];
+    return sum * A.uniform_weight;
+  } else {
+    for (int k = A.offsets[i]; k < end; ++k) sum += A.weights[k] * x[A.neighbors[k]];
+    return sum;
+  }
+}
+
+template <int kWidth, bool kUniform>
+void sweep_forward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b, typename Lanes<kWidth>::Float* x,
+                   int begin, int end) {
+  for (int i = begin; i < end; ++i) x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
+}
+
+template <int kWidth, bool kUniform>
+void sweep_backward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b, typename Lanes<kWidth>::Float* x,
+                    int begin, int end) {
+  for (int i = end - 1; i >= begin; --i)
+    x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
+}
+
+// The eight corner sums of one piece. `value(node)` is what is restricted.
+template <int kWidth, typename Value>
+inline void restrict_piece(const PieceTransfer& P, int piece, typename Lanes<kWidth>::Float* sums, const Value& value) {
+  using Float = typename Lanes<kWidth>::Float;
+  Float total[kCorners] = {};
+  for (int entry = P.piece_offsets[piece]; entry < P.piece_offsets[piece + 1]; ++entry) {
+    const float* place = &P.places[3 * static_cast<std::size_t>(entry)];
+    const Float all = value(P.nodes[entry]);
+    const Float x1 = all * place[0], x0 = all - x1;
+    const Float x0y1 = x0 * place[1], x0y0 = x0 - x0y1;
+    const Float x1y1 = x1 * place[1], x1y0 = x1 - x1y1;
+    const Float z00 = x0y0 * place[2], z10 = x1y0 * place[2], z01 = x0y1 * place[2], z11 = x1y1 * place[2];
+    total[0] += x0y0 - z00;
+    total[1] += x1y0 - z10;
+    total[2] += x0y1 - z01;
+    total[3] += x1y1 - z11;
+    total[4] += z00;
+    total[5] += z10;
+    total[6] += z01;
+    total[7] += z11;
+  }
+  std::copy(total, total + kCorners, sums);
+}
+
+// Calls put(node, value) with the trilinear value at every node of one piece.
+template <int kWidth, typename Put>
+inline void interpolate_piece(const PieceTransfer& P, int piece, const typename Lanes<kWidth>::Float* coarse,
+                              const Put& put) {
+  using Float = typename Lanes<kWidth>::Float;
+  Float corner[kCorners];
+  for (int k = 0; k < kCorners; ++k) corner[k] = coarse[P.corners[static_cast<std::size_t>(kCorners) * piece + k]];
+  const Float dx0 = corner[1] - corner[0], dx1 = corner[3] - corner[2];
+  const Float dx2 = corner[5] - corner[4], dx3 = corner[7] - corner[6];
+  for (int entry = P.piece_offsets[piece]; entry < P.piece_offsets[piece + 1]; ++entry) {
+    const float* place = &P.places[3 * static_cast<std::size_t>(entry)];
+    const Float y00 = corner[0] + place[0] * dx0, y01 = corner[2] + place[0] * dx1;
+    const Float y10 = corner[4] + place[0] * dx2, y11 = corner[6] + place[0] * dx3;
+    const Float z0 = y00 + place[1] * (y01 - y00), z1 = y10 + place[1] * (y11 - y10);
+    put(P.nodes[entry], z0 + place[2] * (z1 - z0));
+  }
+}
+
+// Loops over [0, count) in runs fixed by the count.
+template <typename Body>
+void for_runs(ThreadTeam& team, int count, int smallest, const Body& body) {
+  const int blocks = even_block_count(count, smallest);
+  team.for_each_block(blocks, [&](int block) {
+    body(even_block_begin(count, blocks, block), even_block_begin(count, blocks, block + 1));
+  });
+}
+
+template <int kWidth>
+void gather_corner_sums(const PieceTransfer& P, const typename Lanes<kWidth>::Float* sums,
+                        typename Lanes<kWidth>::Float* coarse, int begin, int end) {
+  for (int c = begin; c < end; ++c) {
+    typename Lanes<kWidth>::Float total{};
+    for (int use = P.use_offsets[c]; use < P.use_offsets[c + 1]; ++use) total += sums[P.uses[use]];
+    coarse[c] = total;
+  }
+}
+
+template <int kWidth>
+void gather_transposed(const RowTransfer& P, const typename Lanes<kWidth>::Float* fine,
+                       typename Lanes<kWidth>::Float* coarse, int begin, int end) {
+  for (int c = begin; c < end; ++c) {
+    typename Lanes<kWidth>::Float total{};
+    for (int k = P.transposed_offsets[c]; k < P.transposed_offsets[c + 1]; ++k)
+      total += P.transposed_values[k] * fine[P.fine_nodes[k]];
+    coarse[c] = total;
+  }
+}
+
+// The interpolated coarse value of fine node i; the node's own residual adds its share.
+template <int kWidth>
+inline typename Lanes<kWidth>::Float interpolated(const RowTransfer& P, const typename Lanes<kWidth>::Float* coarse,
+                                                  const typename Lanes<kWidth>::Float* residual, int i) {
+  typename Lanes<kWidth>::Float sum = P.own_share[i] * residual[i];
+  for (int k = P.offsets[i]; k < P.offsets[i + 1]; ++k) sum += P.values[k] * coarse[P.coarse_nodes[k]];
+  return sum;
+}
+
+template <int kWidth>
+inline typename Lanes<kWidth>::Float residual_at(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
+                                                 const typename Lanes<kWidth>::Float* x, int i) {
+  const auto sum = A.weights.empty() ? neighbor_sum<kWidth, true>(A, x, i) : neighbor_sum<kWidth, false>(A, x, i);
+  return b[i] - A.diagonal[i] * x[i] + sum;
+}
+
+}  // namespace
+
+CycleMemory::CycleMemory(const Hierarchy::Members& hierarchy, int width) {
+  const std::size_t row_bytes = static_cast<std::size_t>(width) * sizeof(float);
+  for (std::size_t level = 0; level < hierarchy.matrices.size(); ++level) {
+    const auto rows = static_cast<std::size_t>(hierarchy.matrices[level].size());
+    std::size_t scratch_rows = rows;
+    if (level < hierarchy.transfers.size() && hierarchy.transfers[level].pieces)
+      scratch_rows = hierarchy.transfers[level].pieces->corners.size();
+    levels.push_back({AlignedMemory((rows + 1) * row_bytes), AlignedMemory(rows * row_bytes),
+                      AlignedMemory(scratch_rows * row_bytes)});
+  }
+}
+
+template <int kWidth>
+Cycle<kWidth>::Cycle(const Hierarchy::Members& hierarchy, int sweeps, ThreadTeam& team, CycleMemory& memory)
+    : hierarchy_(hierarchy), sweeps_(sweeps), team_(team), memory_(memory) {
+  // A cycle of another width may have left numbers where this one has its spare rows.
+  for (int level = 0; level <= last_level(); ++level) x(level)[hierarchy.matrices[level].size()] = Float{};
+}
+
+template <int kWidth>
+void Cycle<kWidth>::v_cycle() {
+  if (last_level() == 0) return solve_last_level();
+  clear(0);
+  improve(0);
+}
+
+template <int kWidth>
+void Cycle<kWidth>::full_cycle() {
+  for (int level = 0; level < last_level(); ++level) restrict_right_hand_side(level);
+  solve_last_level();
+  for (int level = last_level() - 1; level >= 0; --level) {
+    interpolate(level);
+    improve(level);
+  }
+}
+
+template <int kWidth>
+void Cycle<kWidth>::improve(int level) {
+  smooth_forward(level);
+  restrict_residual(level);
+  if (level + 1 == last_level())
+    solve_last_level();
+  else
+    improve(level + 1);
+  correct(level);
+  smooth_backward(level);
+}
+
+template <int kWidth>
+void Cycle<kWidth>::solve_last_level() {
+  const int level = last_level();
+  if (hierarchy_.bottom) return hierarchy_.bottom->template solve<kWidth>(b(level), x(level), scratch(level));
+  clear(level);
+  for (int sweep = 0; sweep < kLastLevelSweeps; ++sweep) {
+    smooth_forward(level);
+    smooth_backward(level);
+  }
+}
+
+template <int kWidth>
+void Cycle<kWidth>::clear(int level) {
+  Float* const values = x(level);
+  for_runs(team_, hierarchy_.matrices[level].size(), kRowsPerBlock,
+           [&](int begin, int end) { std::fill(values + begin, values + end, Float{}); });
+}
+
+template <int kWidth>
+template <typename Sweep>
+void Cycle<kWidth>::sweep_parity(int level, int parity, const Sweep& sweep) {
+  const LevelMatrix& A = hierarchy_.matrices[level];
+  const int blocks = static_cast<int>(A.sweep_blocks.size()) - 1;
+  team_.for_each_block((blocks + 1 - parity) / 2, [&](int half) {
+    const int block = 2 * half + parity;
+    sweep(A, b(level), x(level), A.sweep_blocks[block], A.sweep_blocks[block + 1]);
+  });
+}
+
+template <int kWidth>
+void Cycle<kWidth>::smooth_forward(int level) {
+  const auto sweep =
+      hierarchy_.matrices[level].weights.empty() ? sweep_forward<kWidth, true> : sweep_forward<kWidth, false>;
+  for (int k = 0; k < sweeps_; ++k) {
+    sweep_parity(level, 0, sweep);
+    sweep_parity(level, 1, sweep);
+  }
+}
+
+template <int kWidth>
+void Cycle<kWidth>::smooth_backward(int level) {
+  const auto sweep =
+      hierarchy_.matrices[level].weights.empty() ? sweep_backward<kWidth, true> : sweep_backward<kWidth, false>;
+  for (int k = 0; k < sweeps_; ++k) {
+    sweep_parity(level, 1, sweep);
+    sweep_parity(level, 0, sweep);
+  }
+}
+
+template <int kWidth>
+void Cycle<kWidth>::restrict_right_hand_side(int level) {
+  const Transfer& transfer = hierarchy_.transfers[level];
+  const Float* const fine = b(level);
+  Float* const sums = scratch(level);
+  Float* const coarse = b(level + 1);
+  if (transfer.rows) {
+    const RowTransfer& P = *transfer.rows;
+    return for_runs(team_, P.coarse_count, kRowsPerBlock,
+                    [&](int begin, int end) { gather_transposed<kWidth>(P, fine, coarse, begin, end); });
+  }
+  const PieceTransfer& P = *transfer.pieces;
+  for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
+    for (int piece = begin; piece < end; ++piece)
+      restrict_piece<kWidth>(P, piece, sums + static_cast<std::size_t>(kCorners) * piece,
+                             [&](int node) { return fine[node]; });
+  });
+  for_runs(team_, P.coarse_count, kRowsPerBlock,
+           [&](int begin, int end) { gather_corner_sums<kWidth>(P, sums, coarse, begin, end); });
+}
+
+template <int kWidth>
+void Cycle<kWidth>::restrict_residual(int level) {
+  const Transfer& transfer = hierarchy_.transfers[level];
+  const LevelMatrix& A = hierarchy_.matrices[level];
+  const Float* const fine_b = b(level);
+  const Float* const fine_x = x(level);
+  Float* const sums = scratch(level);
+  Float* const coarse = b(level + 1);
+  Float* const coarse_x = x(level + 1);
+  if (transfer.rows) {
+    const RowTransfer& P = *transfer.rows;
+    for_runs(team_, A.size(), kRowsPerBlock, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) sums[i] = residual_at<kWidth>(A, fine_b, fine_x, i);
+    });
+    return for_runs(team_, P.coarse_count, kRowsPerBlock, [&](int begin, int end) {
+      gather_transposed<kWidth>(P, sums, coarse, begin, end);
+      std::fill(coarse_x + begin, coarse_x + end, Float{});
+    });
+  }
+  const PieceTransfer& P = *transfer.pieces;
+  for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
+    for (int piece = begin; piece < end; ++piece)
+      restrict_piece<kWidth>(P, piece, sums + static_cast<std::size_t>(kCorners) * piece,
+                             [&](int node) { return residual_at<kWidth>(A, fine_b, fine_x, node); });
+  });
+  for_runs(team_, P.coarse_count, kRowsPerBlock, [&](int begin, int end) {
+    gather_corner_sums<kWidth>(P, sums, coarse, begin, end);
+    std::fill(coarse_x + begin, coarse_x + end, Float{});
+  });
+}
+
+template <int kWidth>
+void Cycle<kWidth>::interpolate(int level) {
+  const Transfer& transfer = hierarchy_.transfers[level];
+  const Float* const coarse = x(level + 1);
+  Float* const fine = x(level);
+  if (transfer.rows) {
+    const RowTransfer& P = *transfer.rows;
+    return for_runs(team_, hierarchy_.matrices[level].size(), kRowsPerBlock, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) fine[i] = interpolated<kWidth>(P, coarse, b(level), i);
+    });
+  }
+  const PieceTransfer& P = *transfer.pieces;
+  for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
+    for (int piece = begin; piece < end; ++piece)
+      interpolate_piece<kWidth>(P, piece, coarse, [&](int node, const Float& value) { fine[node] = value; });
+  });
+}
+
+template <int kWidth>
+void Cycle<kWidth>::correct(int level) {
+  const Transfer& transfer = hierarchy_.transfers[level];
+  const Float* const coarse = x(level + 1);
+  Float* const fine = x(level);
+  if (transfer.rows) {
+    const RowTransfer& P = *transfer.rows;
+    return for_runs(team_, hierarchy_.matrices[level].size(), kRowsPerBlock, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) fine[i] += interpolated<kWidth>(P, coarse, scratch(level), i);
+    });
+  }
+  const PieceTransfer& P = *transfer.pieces;
+  for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
+    for (int piece = begin; piece < end; ++piece)
+      interpolate_piece<kWidth>(P, piece, coarse, [&](int node, const Float& value) { fine[node] += value; });
+  });
+}
+
+template class Cycle<4>;
+template class Cycle<8>;
+template class Cycle<16>;
+
+}  // namespace sinew

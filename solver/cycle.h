@@ -1,0 +1,67 @@
+#pragma once
+
+#include <vector>
+
+#include "solver/hierarchy_levels.h"
+#include "solver/lanes.h"
+#include "solver/thread_team.h"
+
+/// Internal to solver/: one multigrid cycle in single precision.
+namespace sinew {
+
+/// Arrays of one cycle, for up to `width` right-hand sides at once.
+struct CycleMemory {
+  CycleMemory(const Hierarchy::Members& hierarchy, int width);
+
+  struct Level {
+    AlignedMemory x;        ///< size + 1 rows; the spare last row stays zero and is what unused corners read
+    AlignedMemory b;        ///< size rows
+    AlignedMemory scratch;  ///< the restriction's sums, or the residual; for the last level the factor's
+  };
+  std::vector<Level> levels;
+};
+
+/// Cycles that approximate A^-1 for kWidth right-hand sides. Every step is cut into blocks fixed by the
+/// data, so the numbers do not depend on the team. Symmetric: forward sweeps before the coarse
+/// correction, backward sweeps after it.
+template <int kWidth>
+class Cycle {
+ public:
+  using Float = typename Lanes<kWidth>::Float;
+
+  Cycle(const Hierarchy::Members& hierarchy, int sweeps, ThreadTeam& team, CycleMemory& memory);
+
+  Float* right_hand_side() const { return b(0); }
+  Float* solution() const { return x(0); }
+
+  /// solution ~ A^-1 right_hand_side, from zero.
+  void v_cycle();
+  /// The same by full multigrid: the coarsest level first, one V-cycle on each finer one.
+  void full_cycle();
+
+ private:
+  Float* x(int level) const { return memory_.levels[level].x.template as<Float>(); }
+  Float* b(int level) const { return memory_.levels[level].b.template as<Float>(); }
+  Float* scratch(int level) const { return memory_.levels[level].scratch.template as<Float>(); }
+  int last_level() const { return static_cast<int>(hierarchy_.matrices.size()) - 1; }
+
+  void improve(int level);  // one V-cycle on x(level), whatever is in it
+  void solve_last_level();
+  void clear(int level);
+  void smooth_forward(int level);
+  void smooth_backward(int level);
+  template <typename Sweep>
+  void sweep_parity(int level, int parity, const Sweep& sweep);
+
+  void restrict_right_hand_side(int level);  // b(level + 1) = P^T b(level)
+  void restrict_residual(int level);         // b(level + 1) = P^T (b - A x)(level), and x(level + 1) = 0
+  void interpolate(int level);               // x(level) = P x(level + 1)
+  void correct(int level);                   // x(level) += P x(level + 1)
+
+  const Hierarchy::Members& hierarchy_;
+  int sweeps_;
+  ThreadTeam& team_;
+  CycleMemory& memory_;
+};
+
+}  // namespace sinew

@@ -1,0 +1,224 @@
+#include "solver/galerkin.h"
+
+#include <algorithm>
+
+#include "solver/lattice_coarsening.h"
+#include "solver/sweep_blocks.h"
+
+namespace sinew {
+namespace {
+
+constexpr int kCorners = 8;
+
+/// Coarse rows made in one go. A slab recomputes what it shares with its neighbors at its ends, so
+/// it should be long against a breadth-first front of coarse nodes.
+constexpr int kSlabRows = 4096;
+
+struct FineNodes {
+  std::vector<int> piece;      // by fine node
+  std::vector<float> weights;  // eight per fine node
+};
+
+FineNodes by_fine_node(const PieceTransfer& transfer) {
+  FineNodes fine;
+  fine.piece.resize(transfer.nodes.size());
+  fine.weights.resize(transfer.nodes.size() * kCorners);
+  for (int p = 0; p < transfer.piece_count(); ++p)
+    for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
+      const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
+      fine.piece[node] = p;
+      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], &fine.weights[kCorners * node]);
+    }
+  return fine;
+}
+
+// Gives numbers 0, 1, ... to the few coarse nodes (or pieces) met, without clearing a table each time.
+class LocalNumbers {
+ public:
+  explicit LocalNumbers(int count) : local_(static_cast<std::size_t>(count), -1) {}
+  int operator()(int global) {
+    if (local_[global] < 0) {
+      local_[global] = static_cast<int>(met_.size());
+      met_.push_back(global);
+    }
+    return local_[global];
+  }
+  bool has(int global) const { return local_[global] >= 0; }
+  const std::vector<int>& met() const { return met_; }
+  void clear() {
+    for (int global : met_) local_[global] = -1;
+    met_.clear();
+  }
+
+ private:
+  std::vector<int> local_;
+  std::vector<int> met_;
+};
+
+// What one piece contributes to the coarse rows of its eight corners.
+struct PieceRows {
+  std::vector<int> columns;    // coarse nodes
+  std::vector<double> values;  // kCorners x columns, row after row
+};
+
+class Slab {
+ public:
+  Slab(const LevelMatrix& A, const PieceTransfer& transfer, const FineNodes& fine)
+      : A_(A), transfer_(transfer), fine_(fine), pieces_(transfer.piece_count()), columns_(transfer.coarse_count + 1) {}
+
+  // Rows [begin, end) of the product, with offsets counted from this slab's first entry.
+  LevelMatrix rows(int begin, int end) {
+    for (int use = transfer_.use_offsets[begin]; use < transfer_.use_offsets[end]; ++use)
+      pieces_(transfer_.uses[use] / kCorners);
+    piece_rows_.resize(pieces_.met().size());
+    for (std::size_t k = 0; k < pieces_.met().size(); ++k) fill_piece(pieces_.met()[k], piece_rows_[k]);
+    LevelMatrix result;
+    for (int row = begin; row < end; ++row) append_row(row, result);
+    return result;
+  }
+
+ private:
+  int local_column(int piece, int corner) {
+    return columns_(transfer_.corners[static_cast<std::size_t>(kCorners) * piece + corner]);
+  }
+
+  void add_corners(int node, double factor) {
+    const int piece = fine_.piece[node];
+    for (int k = 0; k < kCorners; ++k) {
+      const int column = local_column(piece, k);
+      if (column >= static_cast<int>(row_.size())) row_.resize(static_cast<std::size_t>(column) + 1, 0.0);
+      row_[column] += factor * fine_.weights[static_cast<std::size_t>(kCorners) * node + k];
+    }
+  }
+
+  // The rows P^T (A P) restricted to the nodes of one piece. Summed node by node: first the node's row
+  // of A P, which is short, then its share of the eight corner rows.
+  void fill_piece(int piece, PieceRows& out) {
+    columns_.clear();
+    const int begin = transfer_.piece_offsets[piece], end = transfer_.piece_offsets[piece + 1];
+    for (int entry = begin; entry < end; ++entry) {
+      const int node = transfer_.nodes[entry];
+      for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k)
+        for (int corner = 0; corner < kCorners; ++corner) local_column(fine_.piece[A_.neighbors[k]], corner);
+    }
+    for (int corner = 0; corner < kCorners; ++corner) local_column(piece, corner);
+    out.columns = columns_.met();
+    const std::size_t width = out.columns.size();
+    out.values.assign(kCorners * width, 0.0);
+    for (int entry = begin; entry < end; ++entry) {
+      const int node = transfer_.nodes[entry];
+      row_.assign(width, 0.0);
+      add_corners(node, A_.diagonal[node]);
+      for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k) add_corners(A_.neighbors[k], -A_.weight(k));
+      for (int corner = 0; corner < kCorners; ++corner) {
+        const double weight = fine_.weights[static_cast<std::size_t>(kCorners) * node + corner];
+        double* values = &out.values[corner * width];
+        for (std::size_t k = 0; k < width; ++k) values[k] += weight * row_[k];
+      }
+    }
+    columns_.clear();
+  }
+
+  void append_row(int row, LevelMatrix& result) {
+    for (int use = transfer_.use_offsets[row]; use < transfer_.use_offsets[row + 1]; ++use)
+      add_piece_row(transfer_.uses[use]);
+    order_ = columns_.met();
+    std::sort(order_.begin(), order_.end());
+    for (int column : order_) {
+      const double value = row_[columns_(column)];
+      if (column == transfer_.coarse_count) continue;
+      if (column == row) {
+        result.diagonal.push_back(static_cast<float>(value));
+      } else if (static_cast<float>(value) != 0) {
+        result.neighbors.push_back(column);
+        result.weights.push_back(static_cast<float>(-value));
+      }
+    }
+    result.offsets.push_back(static_cast<int>(result.neighbors.size()));
+    columns_.clear();
+    row_.clear();
+  }
+
+  void add_piece_row(int use) {
+    const PieceRows& rows = piece_rows_[pieces_(use / kCorners)];
+    const double* values = &rows.values[(use % kCorners) * rows.columns.size()];
+    for (std::size_t k = 0; k < rows.columns.size(); ++k) {
+      const auto column = static_cast<std::size_t>(columns_(rows.columns[k]));
+      if (column >= row_.size()) row_.resize(column + 1, 0.0);
+      row_[column] += values[k];
+    }
+  }
+
+  const LevelMatrix& A_;
+  const PieceTransfer& transfer_;
+  const FineNodes& fine_;
+  LocalNumbers pieces_;
+  LocalNumbers columns_;
+  std::vector<PieceRows> piece_rows_;
+  std::vector<double> row_;
+  std::vector<int> order_;
+};
+
+void append(const LevelMatrix& part, LevelMatrix& whole) {
+  const int base = static_cast<int>(whole.neighbors.size());
+  whole.neighbors.insert(whole.neighbors.end(), part.neighbors.begin(), part.neighbors.end());
+  whole.weights.insert(whole.weights.end(), part.weights.begin(), part.weights.end());
+  whole.diagonal.insert(whole.diagonal.end(), part.diagonal.begin(), part.diagonal.end());
+  for (std::size_t i = 1; i < part.offsets.size(); ++i) whole.offsets.push_back(base + part.offsets[i]);
+}
+
+}  // namespace
+
+LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer, ThreadTeam& team) {
+  const FineNodes fine = by_fine_node(transfer);
+  const int slabs = std::max(1, transfer.coarse_count / kSlabRows);
+  std::vector<LevelMatrix> parts(static_cast<std::size_t>(slabs));
+  team.for_each_block(slabs, [&](int slab) {
+    Slab work(A, transfer, fine);
+    parts[slab] = work.rows(even_block_begin(transfer.coarse_count, slabs, slab),
+                            even_block_begin(transfer.coarse_count, slabs, slab + 1));
+  });
+  LevelMatrix product;
+  std::size_t entries = 0;
+  for (const LevelMatrix& part : parts) entries += part.neighbors.size();
+  product.neighbors.reserve(entries);
+  product.weights.reserve(entries);
+  product.diagonal.reserve(static_cast<std::size_t>(transfer.coarse_count));
+  product.offsets.reserve(static_cast<std::size_t>(transfer.coarse_count) + 1);
+  for (LevelMatrix& part : parts) {
+    append(part, product);
+    part = {};
+  }
+  finish_level(product);
+  return product;
+}
+
+void finish_level(LevelMatrix& matrix) {
+  matrix.inverse_diagonal.resize(matrix.diagonal.size());
+  // A row without a diagonal is an equation 0 = 0: its correction stays zero.
+  for (std::size_t i = 0; i < matrix.diagonal.size(); ++i)
+    matrix.inverse_diagonal[i] = matrix.diagonal[i] > 0 ? 1 / matrix.diagonal[i] : 0.0f;
+  const std::vector<float>& weights = matrix.weights;
+  if (std::all_of(weights.begin(), weights.end(), [&](float w) { return w == weights.front(); })) {
+    matrix.uniform_weight = weights.empty() ? 0 : weights.front();
+    matrix.weights = {};
+  }
+  matrix.sweep_blocks = sweep_blocks(matrix.offsets, matrix.neighbors);
+}
+
+SparseMatrix to_sparse(const LevelMatrix& matrix) {
+  const int n = matrix.size();
+  SparseMatrix A(n, n);
+  Eigen::VectorXi row_sizes(n);
+  for (int i = 0; i < n; ++i) row_sizes[i] = matrix.offsets[i + 1] - matrix.offsets[i] + 1;
+  A.reserve(row_sizes);
+  for (int i = 0; i < n; ++i) {
+    A.insert(i, i) = matrix.diagonal[i];
+    for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
+      A.insert(i, matrix.neighbors[k]) = -matrix.weight(k);
+  }
+  A.makeCompressed();
+  return A;
+}
+
+}  // namespace sinew

@@ -1,0 +1,150 @@
+#include "solver/hierarchy.h"
+
+#include <cmath>
+#include <iomanip>
+#include <ostream>
+#include <stdexcept>
+#include <string>
+
+#include "solver/galerkin.h"
+#include "solver/hierarchy_levels.h"
+#include "solver/lattice_coarsening.h"
+
+namespace sinew {
+namespace {
+
+/// Cells of the first lattice, in mean edge lengths. Smaller ones interpolate better and leave more to
+/// do on the coarse levels; the time to a given residual is flat between 2.5 and 3.
+constexpr double kFirstCell = 2.75;
+
+/// A level that keeps more than this share of its nodes is not worth having.
+constexpr double kLargestShare = 0.7;
+
+/// A last level larger than this is swept instead of factored.
+constexpr int kLargestFactor = 20000;
+
+LevelMatrix finest_matrix(const LinearSystem& system) {
+  const Graph& graph = system.graph;
+  LevelMatrix matrix;
+  matrix.offsets = graph.offsets;
+  matrix.neighbors = graph.neighbors;
+  matrix.weights.assign(graph.weights.begin(), graph.weights.end());
+  matrix.diagonal.reserve(static_cast<std::size_t>(graph.node_count()));
+  for (int i = 0; i < graph.node_count(); ++i) {
+    double diagonal = system.anchor[i];
+    for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k) diagonal += graph.weights[k];
+    matrix.diagonal.push_back(static_cast<float>(diagonal));
+  }
+  finish_level(matrix);
+  return matrix;
+}
+
+// The next level by the first means that shrinks this one enough: a lattice, coarser lattices, and
+// aggregates, which need no positions. Its coarse_count is 0 when nothing helps.
+PieceCoarsening coarsen(const LevelMatrix& matrix, const Field3& positions, double cell) {
+  const double limit = kLargestShare * matrix.size();
+  if (std::isfinite(cell) && cell > 0 && positions.allFinite())
+    for (int doubling = 0; doubling < 3; ++doubling, cell *= 2) {
+      PieceCoarsening lattice = coarsen_by_lattice(matrix, positions, cell);
+      if (lattice.transfer.coarse_count <= limit) return lattice;
+    }
+  PieceCoarsening aggregates = coarsen_by_aggregation(matrix, positions);
+  if (aggregates.transfer.coarse_count > limit) aggregates.transfer.coarse_count = 0;
+  return aggregates;
+}
+
+void add_lattice_levels(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team,
+                        Hierarchy::Members& members) {
+  Field3 positions = system.rest_positions;
+  double cell = kFirstCell * mean_edge_length(members.matrices.back(), positions);
+  while (members.matrices.back().size() > options.coarsest_size &&
+         static_cast<int>(members.matrices.size()) < options.max_levels) {
+    PieceCoarsening next = coarsen(members.matrices.back(), positions, cell);
+    if (next.transfer.coarse_count == 0) return;
+    members.matrices.push_back(galerkin_product(members.matrices.back(), next.transfer, team));
+    members.transfers.push_back({std::move(next.transfer), std::nullopt});
+    positions = std::move(next.positions);
+    cell = 2;  // positions are now in cells of this level's lattice
+  }
+}
+
+void check_options(const LinearSystem& system, const HierarchyOptions& options) {
+  if (options.coarsest_size < 1)
+    throw std::invalid_argument("Hierarchy: coarsest_size is " + std::to_string(options.coarsest_size) +
+                                "; expected at least 1");
+  if (options.max_levels < 1)
+    throw std::invalid_argument("Hierarchy: max_levels is " + std::to_string(options.max_levels) +
+                                "; expected at least 1");
+  if (system.anchor.size() != system.graph.node_count())
+    throw std::invalid_argument("Hierarchy: anchor has " + std::to_string(system.anchor.size()) +
+                                " entries; expected " + std::to_string(system.graph.node_count()));
+  if (system.rest_positions.rows() != system.graph.node_count())
+    throw std::invalid_argument("Hierarchy: rest_positions has " + std::to_string(system.rest_positions.rows()) +
+                                " rows; expected " + std::to_string(system.graph.node_count()));
+}
+
+}  // namespace
+
+std::size_t LevelMatrix::bytes() const {
+  return bytes_of(offsets) + bytes_of(neighbors) + bytes_of(weights) + bytes_of(diagonal) +
+         bytes_of(inverse_diagonal) + bytes_of(sweep_blocks);
+}
+
+std::size_t PieceTransfer::bytes() const {
+  return bytes_of(piece_offsets) + bytes_of(nodes) + bytes_of(places) + bytes_of(corners) + bytes_of(use_offsets) +
+         bytes_of(uses);
+}
+
+std::size_t RowTransfer::bytes() const {
+  return bytes_of(offsets) + bytes_of(coarse_nodes) + bytes_of(values) + bytes_of(transposed_offsets) +
+         bytes_of(fine_nodes) + bytes_of(transposed_values) + bytes_of(own_share);
+}
+
+Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team)
+    : members_(std::make_unique<Members>()) {
+  check_options(system, options);
+  members_->matrices.push_back(finest_matrix(system));
+  add_lattice_levels(system, options, team, *members_);
+  const LevelMatrix& last = members_->matrices.back();
+  if (last.size() <= std::max(kLargestFactor, options.coarsest_size)) members_->bottom.emplace(to_sparse(last));
+}
+
+Hierarchy::~Hierarchy() = default;
+Hierarchy::Hierarchy(Hierarchy&&) noexcept = default;
+Hierarchy& Hierarchy::operator=(Hierarchy&&) noexcept = default;
+
+std::vector<LevelSummary> Hierarchy::levels() const {
+  std::vector<LevelSummary> result;
+  for (std::size_t level = 0; level < members_->matrices.size(); ++level) {
+    const LevelMatrix& matrix = members_->matrices[level];
+    LevelSummary summary{matrix.size(), static_cast<std::int64_t>(matrix.neighbors.size()), matrix.bytes()};
+    if (level < members_->transfers.size()) summary.bytes += members_->transfers[level].bytes();
+    result.push_back(summary);
+  }
+  if (members_->bottom) result.back().bytes += members_->bottom->bytes();
+  return result;
+}
+
+std::size_t Hierarchy::bytes() const {
+  std::size_t total = 0;
+  for (const LevelSummary& level : levels()) total += level.bytes;
+  return total;
+}
+
+std::ostream& operator<<(std::ostream& out, const Hierarchy& hierarchy) {
+  const std::vector<LevelSummary> levels = hierarchy.levels();
+  out << "level      nodes      entries        bytes\n";
+  std::int64_t entries = 0;
+  for (std::size_t level = 0; level < levels.size(); ++level) {
+    entries += levels[level].entries + levels[level].nodes;
+    out << std::setw(5) << level << std::setw(11) << levels[level].nodes << std::setw(13) << levels[level].entries
+        << std::setw(13) << levels[level].bytes << '\n';
+  }
+  const auto finest = static_cast<double>(levels.front().entries + levels.front().nodes);
+  const auto complexity = finest > 0 ? static_cast<double>(entries) / finest : 1.0;
+  out << "operator complexity " << std::round(complexity * 100) / 100 << ", last level "
+      << (hierarchy.members().bottom ? "factored" : "swept: too large to factor") << '\n';
+  return out;
+}
+
+}  // namespace sinew

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "solver/coarse_factor.h"
+#include "solver/hierarchy.h"
+
+/// Internal to solver/: the flat arrays of a Hierarchy, for the files that build and sweep them.
+namespace sinew {
+
+/// Symmetric matrix in single precision: A(i,i) = diagonal[i], A(i,j) = -weight of the entry.
+struct LevelMatrix {
+  std::vector<int> offsets = {0};  ///< size() + 1
+  std::vector<int> neighbors;      ///< ascending per node
+  std::vector<float> weights;      ///< alongside neighbors; empty when all equal uniform_weight
+  float uniform_weight = 0;
+  std::vector<float> diagonal;          ///< positive
+  std::vector<float> inverse_diagonal;  ///< what a sweep multiplies by
+
+  /// Nodes [sweep_blocks[k], sweep_blocks[k+1]) have neighbors in blocks k-1, k and k+1 alone, so
+  /// all even blocks can be swept at once, and then all odd ones.
+  std::vector<int> sweep_blocks;
+
+  int size() const { return static_cast<int>(offsets.size()) - 1; }
+  float weight(int entry) const { return weights.empty() ? uniform_weight : weights[entry]; }
+  std::size_t bytes() const;
+};
+
+/// Interpolation from the corners of lattice cells. The nodes of one cell that hang together form a
+/// piece; a piece has up to eight corners, each a coarse node, and a node's value is the trilinear
+/// blend of its piece's corners. A piece with one corner is an aggregate: all its nodes take that
+/// coarse node's value.
+struct PieceTransfer {
+  std::vector<int> piece_offsets = {0};  ///< piece_count() + 1
+  std::vector<int> nodes;                ///< fine nodes, grouped by piece, ascending in each
+  std::vector<float> places;             ///< three per entry of `nodes`: x y z in the cell, in [0, 1)
+  std::vector<int> corners;              ///< eight per piece; coarse_count where nothing is read
+
+  /// Coarse node c is corner k of piece p for the entries 8 p + k in
+  /// uses[use_offsets[c]] .. uses[use_offsets[c + 1]].
+  std::vector<int> use_offsets = {0};
+  std::vector<int> uses;
+
+  int coarse_count = 0;
+
+  int piece_count() const { return static_cast<int>(piece_offsets.size()) - 1; }
+  std::size_t bytes() const;
+};
+
+/// Interpolation by rows of weights: x_i += sum_j value x'_j + own_share_i r_i, with r the residual.
+/// The transposed rows run alongside, for the restriction.
+struct RowTransfer {
+  std::vector<int> offsets = {0};  ///< by fine node
+  std::vector<int> coarse_nodes;
+  std::vector<float> values;
+  std::vector<int> transposed_offsets = {0};  ///< by coarse node
+  std::vector<int> fine_nodes;
+  std::vector<float> transposed_values;
+  std::vector<float> own_share;  ///< by fine node
+  int coarse_count = 0;
+
+  std::size_t bytes() const;
+};
+
+/// How a level reaches the next coarser one: one of the two.
+struct Transfer {
+  std::optional<PieceTransfer> pieces;
+  std::optional<RowTransfer> rows;
+  std::size_t bytes() const { return (pieces ? pieces->bytes() : 0) + (rows ? rows->bytes() : 0); }
+};
+
+struct Hierarchy::Members {
+  std::vector<LevelMatrix> matrices;   ///< the finest first
+  std::vector<Transfer> transfers;     ///< transfers[l] joins levels l and l + 1
+  std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
+};
+
+template <typename T>
+std::size_t bytes_of(const std::vector<T>& values) {
+  return values.capacity() * sizeof(T);
+}
+
+}  // namespace sinew

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdlib>
+#include <memory>
+#include <new>
+
+/// Internal to solver/. Several right-hand sides side by side: one short vector per node, which the
+/// compiler maps to the machine's registers.
+namespace sinew {
+
+/// `kWidth` numbers that are added, scaled and stored as one. GCC's and Clang's vector extension.
+template <int kWidth>
+struct Lanes {
+  typedef float Float __attribute__((vector_size(kWidth * sizeof(float)), may_alias));
+  typedef double Double __attribute__((vector_size(kWidth * sizeof(double)), may_alias));
+};
+
+/// The widest group of columns a cycle works on, and the narrowest.
+constexpr int kWidestLanes = 16;
+constexpr int kNarrowestLanes = 4;
+
+/// Width of the group that takes the next columns when `columns` are left.
+constexpr int lanes_for(int columns) { return columns <= 4 ? 4 : columns <= 8 ? 8 : 16; }
+
+/// Zeroed memory on a cache line's boundary, so that no short vector straddles two lines.
+class AlignedMemory {
+ public:
+  AlignedMemory() = default;
+  explicit AlignedMemory(std::size_t bytes);
+
+  template <typename T>
+  T* as() const {
+    return static_cast<T*>(memory_.get());
+  }
+  std::size_t bytes() const { return bytes_; }
+
+ private:
+  struct Free {
+    void operator()(void* memory) const { std::free(memory); }
+  };
+  std::unique_ptr<void, Free> memory_;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace sinew

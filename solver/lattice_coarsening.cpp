@@ -1,0 +1,253 @@
+#include "solver/lattice_coarsening.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sinew {
+namespace {
+
+using Cell = Eigen::Vector3d;  // whole numbers; doubles so that far-apart parts cannot overflow
+
+constexpr int kCorners = 8;
+
+Eigen::Vector3d corner_offset(int corner) {
+  return {static_cast<double>(corner & 1), static_cast<double>(corner >> 1 & 1),
+          static_cast<double>(corner >> 2 & 1)};
+}
+
+// Disjoint sets over 0 .. n-1; the smallest member stands for its set.
+class DisjointSets {
+ public:
+  explicit DisjointSets(int n) : parent_(static_cast<std::size_t>(n)) {
+    for (int i = 0; i < n; ++i) parent_[i] = i;
+  }
+  int find(int i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void unite(int i, int j) {
+    i = find(i);
+    j = find(j);
+    if (i < j)
+      parent_[j] = i;
+    else
+      parent_[i] = j;
+  }
+
+ private:
+  std::vector<int> parent_;
+};
+
+struct Pieces {
+  std::vector<int> of_node;
+  std::vector<Cell> cells;  // by piece
+};
+
+// Floods each cell's part of the graph; pieces are numbered by their lowest node.
+Pieces flood_cells(const LevelMatrix& matrix, const std::vector<Cell>& cell_of_node) {
+  Pieces pieces;
+  pieces.of_node.assign(cell_of_node.size(), -1);
+  std::vector<int> front;
+  for (int start = 0; start < matrix.size(); ++start) {
+    if (pieces.of_node[start] >= 0) continue;
+    const int piece = static_cast<int>(pieces.cells.size());
+    pieces.cells.push_back(cell_of_node[start]);
+    pieces.of_node[start] = piece;
+    front.assign(1, start);
+    while (!front.empty()) {
+      const int node = front.back();
+      front.pop_back();
+      for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
+        const int neighbor = matrix.neighbors[k];
+        if (pieces.of_node[neighbor] >= 0 || cell_of_node[neighbor] != cell_of_node[start]) continue;
+        pieces.of_node[neighbor] = piece;
+        front.push_back(neighbor);
+      }
+    }
+  }
+  return pieces;
+}
+
+void group_nodes(const std::vector<int>& piece_of_node, int piece_count, PieceTransfer& transfer) {
+  transfer.piece_offsets.assign(static_cast<std::size_t>(piece_count) + 1, 0);
+  for (int piece : piece_of_node) ++transfer.piece_offsets[piece + 1];
+  for (int piece = 0; piece < piece_count; ++piece)
+    transfer.piece_offsets[piece + 1] += transfer.piece_offsets[piece];
+  transfer.nodes.resize(piece_of_node.size());
+  std::vector<int> next(transfer.piece_offsets.begin(), transfer.piece_offsets.end() - 1);
+  for (std::size_t node = 0; node < piece_of_node.size(); ++node)
+    transfer.nodes[next[piece_of_node[node]]++] = static_cast<int>(node);
+}
+
+// Makes the shared corners of two joined pieces one. `step` leads from the cell of p to that of q.
+void unite_corners(int p, int q, const Cell& step, DisjointSets& corners) {
+  if (step.cwiseAbs().maxCoeff() > 1) return;
+  for (int k = 0; k < kCorners; ++k) {
+    const Eigen::Vector3d seen_from_q = corner_offset(k) - step;
+    if (seen_from_q.minCoeff() < 0 || seen_from_q.maxCoeff() > 1) continue;
+    const int other = static_cast<int>(seen_from_q[0] + 2 * seen_from_q[1] + 4 * seen_from_q[2]);
+    corners.unite(kCorners * p + k, kCorners * q + other);
+  }
+}
+
+void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const PieceTransfer& transfer,
+                         DisjointSets& corners) {
+  std::vector<int> last_seen_from(pieces.cells.size(), -1);
+  for (int p = 0; p < transfer.piece_count(); ++p)
+    for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
+      const int node = transfer.nodes[entry];
+      for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
+        const int q = pieces.of_node[matrix.neighbors[k]];
+        if (q <= p || last_seen_from[q] == p) continue;
+        last_seen_from[q] = p;
+        unite_corners(p, q, pieces.cells[q] - pieces.cells[p], corners);
+      }
+    }
+}
+
+// A corner no node gives weight to would be an empty equation: leave it out.
+std::vector<char> corners_in_use(const PieceTransfer& transfer, DisjointSets& corners) {
+  std::vector<char> used(static_cast<std::size_t>(transfer.piece_count()) * kCorners, 0);
+  float weights[kCorners];
+  for (int p = 0; p < transfer.piece_count(); ++p)
+    for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
+      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], weights);
+      for (int k = 0; k < kCorners; ++k)
+        if (weights[k] > 0) used[corners.find(kCorners * p + k)] = 1;
+    }
+  return used;
+}
+
+// Numbers the coarse nodes in the order their pieces come, which is the order of the fine nodes.
+void number_corners(const std::vector<Cell>& cells, const std::vector<char>& used, DisjointSets& corners,
+                    PieceCoarsening& result) {
+  PieceTransfer& transfer = result.transfer;
+  const std::size_t slots = cells.size() * kCorners;
+  std::vector<int> coarse_of_root(slots, -1);
+  std::vector<Eigen::Vector3d> positions;
+  transfer.corners.assign(slots, -1);
+  for (std::size_t slot = 0; slot < slots; ++slot) {
+    const int root = corners.find(static_cast<int>(slot));
+    if (!used[root]) continue;
+    if (coarse_of_root[root] < 0) {
+      coarse_of_root[root] = static_cast<int>(positions.size());
+      positions.push_back(cells[slot / kCorners] + corner_offset(static_cast<int>(slot % kCorners)));
+    }
+    transfer.corners[slot] = coarse_of_root[root];
+  }
+  transfer.coarse_count = static_cast<int>(positions.size());
+  result.positions.resize(transfer.coarse_count, 3);
+  for (int c = 0; c < transfer.coarse_count; ++c) result.positions.row(c) = positions[c].transpose();
+}
+
+// Unused corners read the spare row behind the coarse nodes; the others are listed by coarse node.
+void list_corner_uses(PieceTransfer& transfer) {
+  transfer.use_offsets.assign(static_cast<std::size_t>(transfer.coarse_count) + 1, 0);
+  for (int& corner : transfer.corners) {
+    if (corner < 0)
+      corner = transfer.coarse_count;
+    else
+      ++transfer.use_offsets[corner + 1];
+  }
+  for (int c = 0; c < transfer.coarse_count; ++c) transfer.use_offsets[c + 1] += transfer.use_offsets[c];
+  transfer.uses.resize(static_cast<std::size_t>(transfer.use_offsets.back()));
+  std::vector<int> next(transfer.use_offsets.begin(), transfer.use_offsets.end() - 1);
+  for (std::size_t slot = 0; slot < transfer.corners.size(); ++slot)
+    if (transfer.corners[slot] < transfer.coarse_count)
+      transfer.uses[next[transfer.corners[slot]]++] = static_cast<int>(slot);
+}
+
+// aggregate_of_node, or -1 for nodes without neighbors. First whole neighborhoods that do not touch,
+// then what is left joins the aggregate it is tied to most strongly.
+std::vector<int> aggregate(const LevelMatrix& matrix, int& count) {
+  const int n = matrix.size();
+  std::vector<int> result(static_cast<std::size_t>(n), -1);
+  count = 0;
+  for (int node = 0; node < n; ++node) {
+    const auto begin = matrix.neighbors.begin() + matrix.offsets[node];
+    const auto end = matrix.neighbors.begin() + matrix.offsets[node + 1];
+    if (begin == end || result[node] >= 0) continue;
+    if (std::any_of(begin, end, [&](int neighbor) { return result[neighbor] >= 0; })) continue;
+    result[node] = count;
+    for (auto neighbor = begin; neighbor != end; ++neighbor) result[*neighbor] = count;
+    ++count;
+  }
+  const std::vector<int> seeds = result;
+  for (int node = 0; node < n; ++node) {
+    if (result[node] >= 0) continue;
+    float strongest = 0;
+    for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k)
+      if (seeds[matrix.neighbors[k]] >= 0 && matrix.weight(k) > strongest) {
+        strongest = matrix.weight(k);
+        result[node] = seeds[matrix.neighbors[k]];
+      }
+    if (result[node] < 0 && matrix.offsets[node] < matrix.offsets[node + 1]) result[node] = count++;
+  }
+  return result;
+}
+
+}  // namespace
+
+double mean_edge_length(const LevelMatrix& matrix, const Field3& positions) {
+  double sum = 0;
+  for (int i = 0; i < matrix.size(); ++i)
+    for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
+      sum += (positions.row(i) - positions.row(matrix.neighbors[k])).norm();
+  return matrix.neighbors.empty() ? 0 : sum / static_cast<double>(matrix.neighbors.size());
+}
+
+void trilinear_weights(const float* place, float* weights) {
+  for (int k = 0; k < kCorners; ++k)
+    weights[k] = ((k & 1) != 0 ? place[0] : 1 - place[0]) * ((k & 2) != 0 ? place[1] : 1 - place[1]) *
+                 ((k & 4) != 0 ? place[2] : 1 - place[2]);
+}
+
+PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& positions, double cell) {
+  const int n = matrix.size();
+  const Eigen::RowVector3d origin = positions.colwise().minCoeff();
+  std::vector<Cell> cell_of_node(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i)
+    cell_of_node[i] = ((positions.row(i) - origin) / cell).array().floor().matrix().transpose();
+  const Pieces pieces = flood_cells(matrix, cell_of_node);
+
+  PieceCoarsening result;
+  PieceTransfer& transfer = result.transfer;
+  group_nodes(pieces.of_node, static_cast<int>(pieces.cells.size()), transfer);
+  transfer.places.reserve(3 * static_cast<std::size_t>(n));
+  for (int node : transfer.nodes)
+    for (int axis = 0; axis < 3; ++axis)
+      transfer.places.push_back(
+          static_cast<float>((positions(node, axis) - origin[axis]) / cell - cell_of_node[node][axis]));
+
+  DisjointSets corners(static_cast<int>(pieces.cells.size()) * kCorners);
+  unite_joined_pieces(matrix, pieces, transfer, corners);
+  const std::vector<char> used = corners_in_use(transfer, corners);
+  number_corners(pieces.cells, used, corners, result);
+  list_corner_uses(transfer);
+  return result;
+}
+
+PieceCoarsening coarsen_by_aggregation(const LevelMatrix& matrix, const Field3& positions) {
+  int count = 0;
+  std::vector<int> piece_of_node = aggregate(matrix, count);
+  const bool some_alone = std::find(piece_of_node.begin(), piece_of_node.end(), -1) != piece_of_node.end();
+  std::replace(piece_of_node.begin(), piece_of_node.end(), -1, count);
+
+  PieceCoarsening result;
+  PieceTransfer& transfer = result.transfer;
+  group_nodes(piece_of_node, count + (some_alone ? 1 : 0), transfer);
+  transfer.places.assign(3 * piece_of_node.size(), 0.0f);
+  transfer.coarse_count = count;
+  transfer.corners.assign(kCorners * static_cast<std::size_t>(transfer.piece_count()), -1);
+  result.positions.setZero(count, 3);
+  for (int piece = 0; piece < count; ++piece) {
+    transfer.corners[static_cast<std::size_t>(kCorners) * piece] = piece;
+    const int begin = transfer.piece_offsets[piece], end = transfer.piece_offsets[piece + 1];
+    for (int entry = begin; entry < end; ++entry)
+      result.positions.row(piece) += positions.row(transfer.nodes[entry]) / (end - begin);
+  }
+  list_corner_uses(transfer);
+  return result;
+}
+
+}  // namespace sinew

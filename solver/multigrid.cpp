@@ -1,0 +1,346 @@
+// Multigrid in single precision inside iterative refinement in double [Wilkinson 1963], with flexible
+// conjugate gradients around the cycles [Notay 2000].
+#include "solver/multigrid.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "solver/cycle.h"
+#include "solver/hierarchy_levels.h"
+#include "solver/solve_checks.h"
+#include "solver/sweep_blocks.h"
+
+namespace sinew {
+namespace {
+
+constexpr int kRowsPerBlock = 4096;
+
+// The finest matrix in double, on the index arrays of the hierarchy's finest level.
+struct FineSystem {
+  const LevelMatrix* structure = nullptr;
+  std::vector<double> weights;  // empty when all equal uniform_weight
+  double uniform_weight = 0;
+  Field anchor;
+};
+
+struct MultigridWorkspace : SolverWorkspace {
+  MultigridWorkspace(const Hierarchy& made_for, int column_count)
+      : hierarchy(&made_for), columns(column_count), cycle(made_for.members(), lanes_for(column_count)) {
+    const int n = made_for.members().matrices.front().size();
+    const auto row = static_cast<std::size_t>(lanes_for(column_count));
+    residual = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
+    direction = AlignedMemory((static_cast<std::size_t>(n) + 1) * row * sizeof(float));
+    image = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
+    block_sums = AlignedMemory(static_cast<std::size_t>(even_block_count(n, kRowsPerBlock)) * 2 * row * sizeof(double));
+  }
+  const Hierarchy* hierarchy;
+  int columns;
+  CycleMemory cycle;
+  AlignedMemory residual;   // n rows, double
+  AlignedMemory direction;  // n rows, single
+  AlignedMemory image;      // A direction: n rows, double
+  AlignedMemory block_sums;
+};
+
+// Solves for up to kWidth columns of b and x, beginning with column `first`. Lanes beyond the last
+// column hold zeros and stay zero.
+template <int kWidth>
+class GroupSolve {
+ public:
+  using Float = typename Lanes<kWidth>::Float;
+  using Double = typename Lanes<kWidth>::Double;
+
+  GroupSolve(const FineSystem& system, const Hierarchy::Members& hierarchy, const MultigridOptions& options,
+             ThreadTeam& team, MultigridWorkspace& workspace, const Eigen::Ref<const Columns>& b,
+             Eigen::Ref<Columns>& x, int first)
+      : system_(system),
+        structure_(*system.structure),
+        options_(options),
+        team_(team),
+        cycle_(hierarchy, options.smoothing_sweeps, team, workspace.cycle),
+        n_(structure_.size()),
+        blocks_(even_block_count(n_, kRowsPerBlock)),
+        width_(std::min(kWidth, static_cast<int>(b.cols()) - first)),
+        b_(b.data() + first),
+        b_stride_(b.outerStride()),
+        x_(x.data() + first),
+        x_stride_(x.outerStride()),
+        residual_(workspace.residual.as<Double>()),
+        direction_(workspace.direction.as<Float>()),
+        image_(workspace.image.as<Double>()),
+        block_sums_(workspace.block_sums.as<Double>()) {}
+
+  SolveReport run(const SolveOptions& options) {
+    begin(options.from_zero);
+    SolveReport report;
+    report.residual = worst_residual();
+    while (report.residual > options.tolerance && report.cycles < options.max_cycles) {
+      if (report.cycles == 0)
+        cycle_.full_cycle();
+      else
+        cycle_.v_cycle();
+      if (options_.conjugate_gradients)
+        step_along_direction(report.cycles == 0);
+      else
+        add_correction();
+      ++report.cycles;
+      report.residual = worst_residual();
+    }
+    report.converged = report.residual <= options.tolerance;
+    return report;
+  }
+
+ private:
+  // Runs body(begin, end, sums) over fixed blocks of nodes, each with two sums of its own, and adds
+  // the sums up in the order of the blocks.
+  template <typename Body>
+  std::array<Double, 2> sum_over_nodes(const Body& body) {
+    team_.for_each_block(blocks_, [&](int block) {
+      Double* const sums = block_sums_ + 2 * block;
+      sums[0] = sums[1] = Double{};
+      body(even_block_begin(n_, blocks_, block), even_block_begin(n_, blocks_, block + 1), sums);
+    });
+    std::array<Double, 2> total{};
+    for (int block = 0; block < blocks_; ++block) {
+      total[0] += block_sums_[2 * block];
+      total[1] += block_sums_[2 * block + 1];
+    }
+    return total;
+  }
+
+  Double load(const double* row) const {
+    Double value{};
+    for (int c = 0; c < width_; ++c) value[c] = row[c];
+    return value;
+  }
+  void store(const Double& value, double* row) const {
+    for (int c = 0; c < width_; ++c) row[c] = value[c];
+  }
+  double* x_row(int i) const { return x_ + i * x_stride_; }
+
+  void keep_residual(int i, const Double& value) {
+    residual_[i] = value;
+    cycle_.right_hand_side()[i] = __builtin_convertvector(value, Float);
+  }
+
+  // (A v)_i for `at(j)` giving v_j in double. Differences first: the constants cancel exactly.
+  template <typename At>
+  Double apply_row(int i, const At& at) const {
+    const Double own = at(i);
+    Double sum{};
+    const int end = structure_.offsets[i + 1];
+    if (system_.weights.empty()) {
+      for (int k = structure_.offsets[i]; k < end; ++k) sum += own - at(structure_.neighbors[k]);
+      sum *= system_.uniform_weight;
+    } else {
+      for (int k = structure_.offsets[i]; k < end; ++k)
+        sum += system_.weights[k] * (own - at(structure_.neighbors[k]));
+    }
+    return sum + system_.anchor[i] * own;
+  }
+
+  void begin(bool from_zero) {
+    const auto sums = sum_over_nodes([&](int begin, int end, Double* partial) {
+      for (int i = begin; i < end; ++i) {
+        const Double b = load(b_ + i * b_stride_);
+        partial[0] += b * b;
+        Double r = b;
+        if (from_zero)
+          store(Double{}, x_row(i));
+        else
+          r -= apply_row(i, [&](int j) { return load(x_row(j)); });
+        partial[1] += r * r;
+        keep_residual(i, r);
+      }
+    });
+    size_ = sums[0];
+    residual_size_ = sums[1];
+    forget_zero_columns();
+  }
+
+  // A x = 0 has the answer 0; no residual could be measured against it.
+  void forget_zero_columns() {
+    for (int c = 0; c < width_; ++c) {
+      if (size_[c] != 0 || residual_size_[c] == 0) continue;
+      for (int i = 0; i < n_; ++i) {
+        x_row(i)[c] = 0;
+        Double r = residual_[i];
+        r[c] = 0;
+        keep_residual(i, r);
+      }
+      residual_size_[c] = 0;
+    }
+  }
+
+  // Not a number stays so: it must not pass for small.
+  double worst_residual() const {
+    double worst = 0;
+    for (int c = 0; c < width_; ++c) {
+      const double relative = size_[c] != 0 ? std::sqrt(residual_size_[c] / size_[c]) : 0.0;
+      if (!(relative <= worst)) worst = relative;
+    }
+    return worst;
+  }
+
+  // x += e, r -= A e.
+  void add_correction() {
+    const Float* const e = cycle_.solution();
+    residual_size_ = sum_over_nodes([&](int begin, int end, Double* partial) {
+      for (int i = begin; i < end; ++i) {
+        const Double r = residual_[i] - apply_row(i, [&](int j) { return __builtin_convertvector(e[j], Double); });
+        store(load(x_row(i)) + __builtin_convertvector(e[i], Double), x_row(i));
+        partial[0] += r * r;
+        keep_residual(i, r);
+      }
+    })[0];
+  }
+
+  // One step of conjugate gradients: the correction, made A-orthogonal to the last direction, with the
+  // length that leaves the smallest error in the energy norm.
+  void step_along_direction(bool first) {
+    turn_direction(first);
+    const Float* const p = direction_;
+    const auto products = sum_over_nodes([&](int begin, int end, Double* partial) {
+      for (int i = begin; i < end; ++i) {
+        const Double Ap = apply_row(i, [&](int j) { return __builtin_convertvector(p[j], Double); });
+        const Double own = __builtin_convertvector(p[i], Double);
+        image_[i] = Ap;
+        partial[0] += own * Ap;
+        partial[1] += own * residual_[i];
+      }
+    });
+    energy_ = products[0];
+    Double step{};
+    for (int c = 0; c < width_; ++c) step[c] = energy_[c] > 0 ? products[1][c] / energy_[c] : 0.0;
+    residual_size_ = sum_over_nodes([&](int begin, int end, Double* partial) {
+      for (int i = begin; i < end; ++i) {
+        store(load(x_row(i)) + step * __builtin_convertvector(p[i], Double), x_row(i));
+        const Double r = residual_[i] - step * image_[i];
+        partial[0] += r * r;
+        keep_residual(i, r);
+      }
+    })[0];
+  }
+
+  void turn_direction(bool first) {
+    const Float* const z = cycle_.solution();
+    Float share{};
+    if (!first) {
+      const Double overlap = sum_over_nodes([&](int begin, int end, Double* partial) {
+        for (int i = begin; i < end; ++i) partial[0] += __builtin_convertvector(z[i], Double) * image_[i];
+      })[0];
+      for (int c = 0; c < width_; ++c) share[c] = energy_[c] > 0 ? static_cast<float>(-overlap[c] / energy_[c]) : 0.0f;
+    }
+    team_.for_each_block(blocks_, [&](int block) {
+      const int end = even_block_begin(n_, blocks_, block + 1);
+      for (int i = even_block_begin(n_, blocks_, block); i < end; ++i)
+        direction_[i] = first ? z[i] : z[i] + share * direction_[i];
+    });
+  }
+
+  const FineSystem& system_;
+  const LevelMatrix& structure_;
+  const MultigridOptions& options_;
+  ThreadTeam& team_;
+  Cycle<kWidth> cycle_;
+  int n_, blocks_, width_;
+  const double* b_;
+  Eigen::Index b_stride_;
+  double* x_;
+  Eigen::Index x_stride_;
+  Double* residual_;
+  Float* direction_;
+  Double* image_;
+  Double* block_sums_;
+  Double size_{}, residual_size_{}, energy_{};
+};
+
+FineSystem fine_system(const LinearSystem& system) {
+  FineSystem fine;
+  fine.anchor = system.anchor;
+  const std::vector<double>& weights = system.graph.weights;
+  if (std::all_of(weights.begin(), weights.end(), [&](double w) { return w == weights.front(); }))
+    fine.uniform_weight = weights.empty() ? 0 : weights.front();
+  else
+    fine.weights = weights;
+  return fine;
+}
+
+const LinearSystem& checked(const LinearSystem& system) {
+  check_system("MultigridSolver", system);
+  return system;
+}
+
+}  // namespace
+
+struct MultigridSolver::Members {
+  Members(const LinearSystem& linear_system, const MultigridOptions& multigrid_options, ThreadTeam& borrowed_team)
+      : options(multigrid_options),
+        team(borrowed_team),
+        hierarchy(checked(linear_system), multigrid_options.hierarchy, borrowed_team),
+        system(fine_system(linear_system)) {
+    system.structure = &hierarchy.members().matrices.front();
+  }
+
+  template <int kWidth>
+  SolveReport solve_group(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns>& x, int first,
+                          const SolveOptions& solve_options, MultigridWorkspace& workspace) const {
+    return GroupSolve<kWidth>(system, hierarchy.members(), options, team, workspace, b, x, first).run(solve_options);
+  }
+
+  MultigridOptions options;
+  ThreadTeam& team;
+  Hierarchy hierarchy;
+  FineSystem system;
+};
+
+MultigridSolver::MultigridSolver(const LinearSystem& system, const MultigridOptions& options, ThreadTeam& team)
+    : members_(std::make_unique<Members>(system, options, team)) {
+  if (options.smoothing_sweeps < 1)
+    throw std::invalid_argument("MultigridSolver: smoothing_sweeps is " + std::to_string(options.smoothing_sweeps) +
+                                "; expected at least 1");
+}
+
+MultigridSolver::~MultigridSolver() = default;
+
+std::unique_ptr<SolverWorkspace> MultigridSolver::make_workspace(int columns) const {
+  check_workspace_columns("MultigridSolver", columns);
+  return std::make_unique<MultigridWorkspace>(members_->hierarchy, columns);
+}
+
+SolveReport MultigridSolver::solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
+                                   const SolveOptions& options, SolverWorkspace& workspace) const {
+  auto& own = workspace_of<MultigridWorkspace>("MultigridSolver", workspace);
+  if (own.hierarchy != &members_->hierarchy)
+    throw std::invalid_argument("MultigridSolver::solve: the workspace was made by another solver");
+  check_shapes("MultigridSolver", size(), own.columns, b, x);
+  SolveReport report;
+  report.converged = true;
+  for (int first = 0; first < b.cols();) {
+    const int width = lanes_for(static_cast<int>(b.cols()) - first);
+    const SolveReport group = width == 4   ? members_->solve_group<4>(b, x, first, options, own)
+                              : width == 8 ? members_->solve_group<8>(b, x, first, options, own)
+                                           : members_->solve_group<16>(b, x, first, options, own);
+    report.cycles = std::max(report.cycles, group.cycles);
+    if (!(group.residual <= report.residual)) report.residual = group.residual;
+    report.converged = report.converged && group.converged;
+    first += width;
+  }
+  return report;
+}
+
+std::string MultigridSolver::name() const {
+  return members_->options.hierarchy.coarsening == Coarsening::lattice ? "multigrid" : "multigrid-shi2006";
+}
+
+int MultigridSolver::size() const { return members_->system.structure->size(); }
+
+std::size_t MultigridSolver::bytes() const {
+  return members_->hierarchy.bytes() + bytes_of(members_->system.weights) +
+         static_cast<std::size_t>(size()) * sizeof(double);
+}
+
+const Hierarchy& MultigridSolver::hierarchy() const { return members_->hierarchy; }
+
+}  // namespace sinew

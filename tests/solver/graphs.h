@@ -1,0 +1,255 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <unordered_map>
+#include <vector>
+
+#include "solver/laplacian.h"
+
+/// Small and large graphs made in code, for the tests of solver/.
+namespace sinew::graphs {
+
+/// A graph in space, some of whose nodes are held.
+struct Body {
+  Graph graph;
+  Field3 positions;
+  std::vector<char> pinned;  ///< by node
+};
+
+/// n nodes on a line, one apart; the ends are pinned unless n < 3, then the first.
+inline Body path(int n) {
+  Body body;
+  std::vector<Edge> edges;
+  for (int i = 0; i + 1 < n; ++i) edges.push_back({i, i + 1, 1.0});
+  body.graph = make_graph(n, edges);
+  body.positions.setZero(n, 3);
+  for (int i = 0; i < n; ++i) body.positions(i, 0) = i;
+  body.pinned.assign(static_cast<std::size_t>(n), 0);
+  body.pinned.front() = 1;
+  if (n > 2) body.pinned.back() = 1;
+  return body;
+}
+
+/// nx x ny nodes on a gently curved sheet, joined along rows, columns and one diagonal, as a triangle
+/// mesh would be; the first column is pinned.
+inline Body sheet(int nx, int ny) {
+  Body body;
+  std::vector<Edge> edges;
+  const auto node = [ny](int i, int j) { return i * ny + j; };
+  body.positions.resize(nx * ny, 3);
+  body.pinned.assign(static_cast<std::size_t>(nx * ny), 0);
+  for (int i = 0; i < nx; ++i)
+    for (int j = 0; j < ny; ++j) {
+      body.positions.row(node(i, j)) << i, j, 0.1 * nx * std::sin(4.0 * i / nx) * std::cos(3.0 * j / ny);
+      if (i == 0) body.pinned[node(i, j)] = 1;
+      if (i + 1 < nx) edges.push_back({node(i, j), node(i + 1, j), 1.0});
+      if (j + 1 < ny) edges.push_back({node(i, j), node(i, j + 1), 1.0});
+      if (i + 1 < nx && j + 1 < ny) edges.push_back({node(i, j), node(i + 1, j + 1), 1.0});
+    }
+  body.graph = make_graph(nx * ny, edges);
+  return body;
+}
+
+/// A tree: `arms` paths of `length` nodes from one middle node, pinned at every tip.
+inline Body star(int arms, int length) {
+  Body body;
+  std::vector<Edge> edges;
+  const int n = 1 + arms * length;
+  body.positions.setZero(n, 3);
+  body.pinned.assign(static_cast<std::size_t>(n), 0);
+  for (int arm = 0; arm < arms; ++arm)
+    for (int k = 0; k < length; ++k) {
+      const int own = 1 + arm * length + k;
+      edges.push_back({k == 0 ? 0 : own - 1, own, 1.0});
+      const double angle = 2 * std::numbers::pi * arm / arms;
+      body.positions.row(own) << (k + 1) * std::cos(angle), (k + 1) * std::sin(angle), 0.3 * k;
+      if (k + 1 == length) body.pinned[own] = 1;
+    }
+  body.graph = make_graph(n, edges);
+  return body;
+}
+
+/// Two bodies side by side that share nothing.
+inline Body beside(const Body& left, const Body& right) {
+  const int shift = left.graph.node_count();
+  std::vector<Edge> edges;
+  for (const Body* part : {&left, &right})
+    for (int i = 0; i < part->graph.node_count(); ++i)
+      for (int k = part->graph.offsets[i]; k < part->graph.offsets[i + 1]; ++k)
+        if (const int j = part->graph.neighbors[k]; i < j) {
+          const int base = part == &right ? shift : 0;
+          edges.push_back({base + i, base + j, part->graph.weights[k]});
+        }
+  Body body;
+  body.graph = make_graph(shift + right.graph.node_count(), edges);
+  body.positions.resize(body.graph.node_count(), 3);
+  body.positions << left.positions, right.positions;
+  body.pinned = left.pinned;
+  body.pinned.insert(body.pinned.end(), right.pinned.begin(), right.pinned.end());
+  return body;
+}
+
+/// Positive inside, as a signed distance; `unit` shapes fit into [-1, 1]^3.
+using Shape = std::function<double(const Eigen::Vector3d&)>;
+
+inline double capsule(const Eigen::Vector3d& x, const Eigen::Vector3d& a, const Eigen::Vector3d& b, double radius) {
+  const double t = std::clamp((x - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
+  return radius - (x - a - t * (b - a)).norm();
+}
+
+inline double ball(const Eigen::Vector3d& x) { return 1 - x.norm(); }
+
+inline double dumbbell(const Eigen::Vector3d& x) {
+  return std::max({capsule(x, {-0.6, 0, 0}, {0.6, 0, 0}, 0.12), 0.38 - (x - Eigen::Vector3d(-0.6, 0, 0)).norm(),
+                   0.38 - (x - Eigen::Vector3d(0.6, 0, 0)).norm()});
+}
+
+/// A standing figure: trunk, head, two arms with three fingers each, two legs close to each other.
+struct Limb {
+  Eigen::Vector3d a, b;
+  double radius;
+};
+inline const std::vector<Limb>& figure_limbs() {
+  static const std::vector<Limb> limbs = [] {
+    std::vector<Limb> all = {{{0, -0.05, 0}, {0, 0.35, 0}, 0.17}, {{0, 0.5, 0}, {0, 0.78, 0}, 0.13}};
+    for (const double side : {-1.0, 1.0}) {
+      all.push_back({{side * 0.15, 0.42, 0}, {side * 0.5, 0.42, 0}, 0.07});
+      all.push_back({{side * 0.5, 0.42, 0}, {side * 0.8, 0.42, 0.1}, 0.055});
+      for (const double finger : {-1.0, 0.0, 1.0})
+        all.push_back({{side * 0.82, 0.42, 0.1 + 0.02 * finger}, {side * 0.97, 0.42, 0.1 + 0.06 * finger}, 0.022});
+      all.push_back({{side * 0.11, -0.05, 0}, {side * 0.12, -0.5, 0}, 0.1});
+      all.push_back({{side * 0.12, -0.5, 0}, {side * 0.12, -0.95, 0}, 0.07});
+    }
+    return all;
+  }();
+  return limbs;
+}
+inline double figure(const Eigen::Vector3d& x) {
+  double inside = -1;
+  for (const Limb& limb : figure_limbs()) inside = std::max(inside, capsule(x, limb.a, limb.b, limb.radius));
+  return inside;
+}
+/// Inside the joint balls of the figure: the ends of its limbs.
+inline bool figure_joint(const Eigen::Vector3d& x) {
+  for (const Limb& limb : figure_limbs())
+    if ((x - limb.a).norm() < 0.5 * limb.radius || (x - limb.b).norm() < 0.5 * limb.radius) return true;
+  return false;
+}
+
+/// Nodes of a body-centred cubic lattice inside a shape: 14 neighbors inside, as a volume graph has.
+/// `about` nodes; pinned where `held` says so, or in the two ends along x when it says nowhere.
+inline Body bcc_body(const Shape& inside, int about, const std::function<bool(const Eigen::Vector3d&)>& held) {
+  // Count on a coarse grid first to learn the volume; the lattice has two nodes per cube.
+  constexpr int kProbe = 60;
+  int hits = 0;
+  for (int i = 0; i < kProbe * kProbe * kProbe; ++i) {
+    const Eigen::Vector3d x(i % kProbe, i / kProbe % kProbe, i / kProbe / kProbe);
+    hits += inside((x.array() + 0.5).matrix() * (2.0 / kProbe) - Eigen::Vector3d::Ones()) > 0 ? 1 : 0;
+  }
+  const double volume = 8.0 * hits / (kProbe * kProbe * kProbe);
+  const double cube = std::cbrt(2 * volume / about);
+  const int half = static_cast<int>(1 / cube) + 2;
+
+  // Doubled coordinates: all even or all odd.
+  const int side = 4 * half + 4;
+  const auto key = [&](int i, int j, int k) {
+    return (static_cast<long long>(i + 2 * half + 1) * side + (j + 2 * half + 1)) * side + (k + 2 * half + 1);
+  };
+  std::unordered_map<long long, int> node_at;
+  std::vector<std::array<int, 3>> places;
+  for (int i = -2 * half; i <= 2 * half; ++i)
+    for (int j = -2 * half; j <= 2 * half; ++j)
+      for (int k = -2 * half; k <= 2 * half; ++k) {
+        if ((i & 1) != (j & 1) || (j & 1) != (k & 1)) continue;
+        if (inside(Eigen::Vector3d(i, j, k) * (cube / 2)) <= 0) continue;
+        node_at.emplace(key(i, j, k), static_cast<int>(places.size()));
+        places.push_back({i, j, k});
+      }
+  std::vector<Edge> edges;
+  const auto join = [&](int own, int i, int j, int k) {
+    if (const auto found = node_at.find(key(i, j, k)); found != node_at.end()) edges.push_back({own, found->second, 1.0});
+  };
+  Body body;
+  const int n = static_cast<int>(places.size());
+  body.positions.resize(n, 3);
+  body.pinned.assign(static_cast<std::size_t>(n), 0);
+  for (int node = 0; node < n; ++node) {
+    const auto [i, j, k] = places[node];
+    const Eigen::Vector3d x = Eigen::Vector3d(i, j, k) * (cube / 2);
+    body.positions.row(node) = x.transpose();
+    body.pinned[node] = held ? held(x) : std::abs(x[0]) > 0.85;
+    for (const int s : {-1, 1})
+      for (const int t : {-1, 1}) join(node, i + 1, j + s, k + t);
+    join(node, i + 2, j, k);
+    join(node, i, j + 2, k);
+    join(node, i, j, k + 2);
+  }
+  body.graph = make_graph(n, edges);
+  return body;
+}
+
+inline Body bcc_figure(int about) { return bcc_body(figure, about, figure_joint); }
+inline Body bcc_dumbbell(int about) { return bcc_body(dumbbell, about, {}); }
+inline Body bcc_ball(int about) { return bcc_body(ball, about, {}); }
+
+/// A body bent: the equations of its free nodes, and for every edge the vector it wants.
+struct Problem {
+  LinearSystem system;  ///< free nodes in breadth-first order
+  Field3 targets;       ///< one row per entry of system.graph.neighbors: the wanted x_i - x_j
+  Field3 beta;          ///< n x 3: what the pinned neighbors ask for
+  Columns b;            ///< n x 3: beta + sum of w * target
+};
+
+inline Eigen::Matrix3d bend(const Eigen::RowVector3d& x, double size) {
+  return Eigen::AngleAxisd(1.2 * x[0] / size, Eigen::Vector3d(0.3, 1, 0.2).normalized()).toRotationMatrix();
+}
+
+/// Bends `body` about an axis, more the further out along x; every edge turns by the mean of its ends'
+/// rotations, and pinned nodes are moved by theirs.
+inline Problem bent(const Body& body) {
+  const int all = body.graph.node_count();
+  std::vector<int> free_nodes;
+  for (int node = 0; node < all; ++node)
+    if (!body.pinned[node]) free_nodes.push_back(node);
+  const std::vector<int> order = breadth_first_order(induced_subgraph(body.graph, free_nodes));
+  std::vector<int> nodes;
+  for (int k : order) nodes.push_back(free_nodes[k]);
+
+  const double size = body.positions.cwiseAbs().maxCoeff();
+  const auto place = [&](int node) -> Eigen::Vector3d { return body.positions.row(node).transpose(); };
+  const auto turn = [&](int node) { return bend(body.positions.row(node), size); };
+  const auto target = [&](int i, int j) -> Eigen::RowVector3d {
+    return (0.5 * (turn(i) + turn(j)) * (place(i) - place(j))).transpose();
+  };
+
+  Problem problem;
+  problem.system.graph = induced_subgraph(body.graph, nodes);
+  const Graph& graph = problem.system.graph;
+  const int n = graph.node_count();
+  problem.system.anchor.setZero(n);
+  problem.system.rest_positions.resize(n, 3);
+  problem.beta.setZero(n, 3);
+  problem.targets.resize(static_cast<Eigen::Index>(graph.neighbors.size()), 3);
+  for (int i = 0; i < n; ++i) {
+    problem.system.rest_positions.row(i) = body.positions.row(nodes[i]);
+    for (int k = body.graph.offsets[nodes[i]]; k < body.graph.offsets[nodes[i] + 1]; ++k) {
+      const int held = body.graph.neighbors[k];
+      if (!body.pinned[held]) continue;
+      problem.system.anchor[i] += body.graph.weights[k];
+      problem.beta.row(i) += body.graph.weights[k] * ((turn(held) * place(held)).transpose() + target(nodes[i], held));
+    }
+    for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k)
+      problem.targets.row(k) = target(nodes[i], nodes[graph.neighbors[k]]);
+  }
+  problem.b = problem.beta;
+  for (int i = 0; i < n; ++i)
+    for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k)
+      problem.b.row(i) += graph.weights[k] * problem.targets.row(k);
+  return problem;
+}
+
+}  // namespace sinew::graphs

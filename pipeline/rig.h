@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,6 +19,7 @@ namespace sinew {
 enum class SolverKind { multigrid, cholesky, pcg };
 
 struct RigOptions {
+  /// Where neither spacing nor density is given, the lattice takes recommended_spacing().
   VolumeGraphOptions volume;
   BindingOptions binding;
   HarmonicFieldOptions fields;
@@ -48,5 +50,9 @@ struct Rig {
 /// and must outlive the rig. Throws UnusableInput when the skeleton does not fit the mesh.
 Rig build_rig(const TriMesh& mesh, const RigSkeleton& skeleton, const RigOptions& options,
               ThreadTeam& team);
+
+/// A solver of the wanted kind for `system`. `team` is borrowed.
+std::unique_ptr<const LinearSolver> make_solver(SolverKind kind, const LinearSystem& system,
+                                                const MultigridOptions& options, ThreadTeam& team);
 
 }  // namespace sinew

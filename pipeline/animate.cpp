@@ -1,0 +1,171 @@
+#include "pipeline/animate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "skeleton/unusable_input.h"
+
+namespace sinew {
+namespace {
+
+void check_options(const Motion& motion, const AnimateOptions& options, int last_frame) {
+  if (options.chunk < 1) {
+    throw std::invalid_argument("animate: chunk is " + std::to_string(options.chunk) + "; expected 1 or more");
+  }
+  if (options.first_frame < 0 || options.first_frame > last_frame || last_frame >= motion.frame_count()) {
+    throw std::invalid_argument("animate: frames " + std::to_string(options.first_frame) + " to " +
+                                std::to_string(last_frame) + " of a motion with " +
+                                std::to_string(motion.frame_count()) + " frames");
+  }
+}
+
+void check_pose(const Rig& rig, const Motion& motion, int frame) {
+  const Pose& pose = motion.poses[frame];
+  if (pose.joint_count() != rig.skeleton.joint_count()) {
+    throw std::invalid_argument("animate: frame " + std::to_string(frame) + " has " +
+                                std::to_string(pose.joint_count()) + " joints, the rig " +
+                                std::to_string(rig.skeleton.joint_count()));
+  }
+  for (int joint = 0; joint < pose.joint_count(); ++joint) {
+    if (pose.positions[joint].allFinite() && pose.rotations[joint].coeffs().allFinite() &&
+        std::isfinite(pose.scales[joint])) {
+      continue;
+    }
+    throw UnusableInput("frame " + std::to_string(frame) + " of '" + motion.name + "': joint '" +
+                        rig.skeleton.joints[joint].name + "' has a value that is not a finite number");
+  }
+}
+
+/// The last few answers of a chunk, newest first, and the next frame foretold from them.
+class Prediction {
+ public:
+  explicit Prediction(int node_count) {
+    for (Field3& frame : recent_) frame.resize(node_count, 3);
+  }
+  void forget() { known_ = 0; }
+  bool empty() const { return known_ == 0; }
+
+  void remember(const Field3& positions) {
+    std::rotate(recent_.begin(), recent_.end() - 1, recent_.end());
+    recent_.front() = positions;
+    known_ = std::min(known_ + 1, static_cast<int>(recent_.size()));
+  }
+
+  /// The polynomial through the known frames, one frame further: quadratic from the third frame on.
+  void foretell(Field3& positions) const {
+    if (known_ == 1) positions = recent_[0];
+    if (known_ == 2) positions = 2.0 * recent_[0] - recent_[1];
+    if (known_ == 3) positions = 3.0 * recent_[0] - 3.0 * recent_[1] + recent_[2];
+  }
+
+ private:
+  std::array<Field3, 3> recent_;
+  int known_ = 0;
+};
+
+/// Pieces of straight line between joints, and the rig's tips, wherever the pose takes them.
+class MovingSkeleton {
+ public:
+  explicit MovingSkeleton(const Rig& rig) : rig_(rig) {
+    for (const Bone& bone : rig.binding.bones) {
+      for (const Segment& segment : bone.segments) segments_.push_back({bone.joint, segment});
+    }
+    placed_.resize(segments_.size());
+  }
+
+  /// Largest distance of a surface vertex from the nearest segment.
+  double farthest_vertex(const Pose& pose, const Field3& positions) {
+    for (std::size_t k = 0; k < segments_.size(); ++k) {
+      placed_[k] = {carried(pose, segments_[k].first, segments_[k].second.from),
+                    carried(pose, segments_[k].first, segments_[k].second.to)};
+    }
+    double farthest = 0.0;  // squared
+    std::size_t last_near = 0;
+    for (int vertex = 0; vertex < rig_.volume.surface_count; ++vertex) {
+      const Eigen::Vector3d point = positions.row(vertex).transpose();
+      double nearest = std::numeric_limits<double>::infinity();
+      // Neighboring vertices have the same bone nearby; once one is within the farthest distance
+      // so far, the vertex cannot raise it.
+      for (std::size_t k = 0; k < placed_.size() && nearest > farthest; ++k) {
+        const std::size_t segment = k == 0 ? last_near : (k <= last_near ? k - 1 : k);
+        const double distance = squared_distance(placed_[segment], point);
+        if (distance < nearest) {
+          nearest = distance;
+          last_near = k == 0 ? last_near : segment;
+        }
+      }
+      farthest = std::max(farthest, nearest);
+    }
+    return std::sqrt(farthest);
+  }
+
+ private:
+  Eigen::Vector3d carried(const Pose& pose, int joint, const Eigen::Vector3d& point) const {
+    const Eigen::Vector3d arm = point - rig_.skeleton.joints[joint].position;
+    return pose.positions[joint] + pose.scales[joint] * (pose.rotations[joint] * arm);
+  }
+
+  static double squared_distance(const Segment& segment, const Eigen::Vector3d& point) {
+    const Eigen::Vector3d direction = segment.to - segment.from;
+    const double length = direction.squaredNorm();
+    const double along = length > 0.0 ? std::clamp((point - segment.from).dot(direction) / length, 0.0, 1.0) : 0.0;
+    return (point - segment.from - along * direction).squaredNorm();
+  }
+
+  const Rig& rig_;
+  std::vector<std::pair<int, Segment>> segments_;
+  std::vector<Segment> placed_;
+};
+
+/// Extent of the body along the rig's up direction.
+double rest_height(const Rig& rig) {
+  if (rig.mesh.vertex_count() == 0) return 0.0;
+  const Eigen::RowVector3d up = rig.skeleton.up.normalized().transpose();
+  double low = rig.mesh.positions.row(0).dot(up);
+  double high = low;
+  for (int vertex = 1; vertex < rig.mesh.vertex_count(); ++vertex) {
+    const double along = rig.mesh.positions.row(vertex).dot(up);
+    low = std::min(low, along);
+    high = std::max(high, along);
+  }
+  return high - low;
+}
+
+}  // namespace
+
+void animate(const Rig& rig, const Motion& motion, const AnimateOptions& options, ThreadTeam& team,
+             const std::function<bool(const FrameResult&)>& sink) {
+  const int last_frame = options.last_frame < 0 ? motion.frame_count() - 1 : options.last_frame;
+  check_options(motion, options, last_frame);
+  FrameSolver solver(rig, options.frame, team);
+  MovingSkeleton skeleton(rig);
+  Prediction prediction(rig.volume.node_count());
+  Field3 positions = rig.volume.rest_positions;
+  const double rest_volume = enclosed_volume(rig.mesh, rig.mesh.positions);
+  const double height = rest_height(rig);
+  const int chunk_start = options.first_frame / options.chunk * options.chunk;
+  for (int frame = chunk_start; frame <= last_frame; ++frame) {
+    check_pose(rig, motion, frame);
+    if (frame % options.chunk == 0) prediction.forget();
+    FrameResult result;
+    result.frame = frame;
+    prediction.foretell(positions);
+    result.report = prediction.empty() ? solver.solve_afresh(motion.poses[frame], positions)
+                                       : solver.solve(motion.poses[frame], positions);
+    prediction.remember(positions);
+    if (frame < options.first_frame) continue;
+    result.positions = &positions;
+    if (rest_volume != 0.0) {
+      result.volume_ratio = enclosed_volume(rig.mesh, positions.topRows(rig.mesh.vertex_count())) / rest_volume;
+    }
+    if (height > 0.0) result.farthest_from_skeleton = skeleton.farthest_vertex(motion.poses[frame], positions) / height;
+    if (!sink(result)) return;
+  }
+}
+
+}  // namespace sinew

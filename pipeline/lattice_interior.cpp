@@ -187,6 +187,19 @@ LatticeNodes scan_lattice(const Lattice& lattice, const Solid& solid, double cle
   return kept;
 }
 
+/// In order; empties the parts.
+std::vector<Edge> concatenate(std::vector<std::vector<Edge>>& parts) {
+  std::size_t count = 0;
+  for (const std::vector<Edge>& part : parts) count += part.size();
+  std::vector<Edge> edges;
+  edges.reserve(count);
+  for (std::vector<Edge>& part : parts) {
+    edges.insert(edges.end(), part.begin(), part.end());
+    part = {};
+  }
+  return edges;
+}
+
 /// One half of the 14 neighbors: every edge from the node that comes first in scan order.
 constexpr std::array<std::array<int, 3>, 7> kForwardNeighbors = {{
     {0, 0, 2}, {0, 2, 0}, {2, 0, 0}, {1, -1, -1}, {1, -1, 1}, {1, 1, -1}, {1, 1, 1}}};
@@ -212,12 +225,7 @@ std::vector<Edge> join_lattice(const Lattice& lattice, const LatticeNodes& kept,
       }
     }
   });
-  std::vector<Edge> edges;
-  for (std::vector<Edge>& row : rows) {
-    edges.insert(edges.end(), row.begin(), row.end());
-    row = {};
-  }
-  return edges;
+  return concatenate(rows);
 }
 
 /// Normals at vertices, each triangle weighted by its angle there, so that the result does not depend
@@ -367,9 +375,7 @@ std::vector<Edge> link_surface(const SurfaceLinker& linker, int vertex_count, Th
     const int end = std::min(vertex_count, (block + 1) * kBlock);
     for (int vertex = block * kBlock; vertex < end; ++vertex) linker.link(vertex, blocks[block]);
   });
-  std::vector<Edge> edges;
-  for (const std::vector<Edge>& block : blocks) edges.insert(edges.end(), block.begin(), block.end());
-  return edges;
+  return concatenate(blocks);
 }
 
 /// Whether edges lead from each interior node to some surface vertex.

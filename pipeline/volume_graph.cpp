@@ -1,10 +1,12 @@
 #include "pipeline/volume_graph.h"
 
-#include <algorithm>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "pipeline/lattice_interior.h"
+#include "pipeline/tetgen_interior.h"
 #include "skeleton/unusable_input.h"
 
 namespace sinew {
@@ -39,9 +41,10 @@ std::vector<Edge> surface_edges(const TriMesh& mesh) {
   return edges;
 }
 
-/// Appends the interior to the surface's own nodes and edges.
+/// Puts the interior behind the surface's own nodes and edges.
 void join(const TriMesh& mesh, InteriorNodes interior, VolumeGraph& volume) {
   std::vector<Edge> edges = surface_edges(mesh);
+  edges.reserve(edges.size() + interior.edges.size());
   edges.insert(edges.end(), interior.edges.begin(), interior.edges.end());
   interior.edges = {};
   volume.surface_count = mesh.vertex_count();
@@ -50,22 +53,55 @@ void join(const TriMesh& mesh, InteriorNodes interior, VolumeGraph& volume) {
   volume.graph = make_graph(static_cast<int>(volume.rest_positions.rows()), edges);
 }
 
+double mean_interior_edge(const VolumeGraph& volume) {
+  double sum = 0.0;
+  std::int64_t count = 0;
+  for (int node = volume.surface_count; node < volume.node_count(); ++node) {
+    for (const int neighbor : volume.graph.neighbors_of(node)) {
+      sum += (volume.rest_positions.row(node) - volume.rest_positions.row(neighbor)).norm();
+      ++count;
+    }
+  }
+  return count > 0 ? sum / static_cast<double>(count) : 0.0;
+}
+
+/// Tetrahedra if they can be had; false, and one warning, if not.
+bool fill_by_worker(const TriMesh& mesh, const Solid& solid, double spacing, const VolumeGraphOptions& options,
+                    VolumeGraph& volume) {
+  try {
+    join(mesh, fill_with_tetrahedra(mesh, solid, spacing, options), volume);
+  } catch (const TetgenFailure& failure) {
+    volume.warnings.push_back("W_TETGEN_FALLBACK: the tetrahedra worker " + std::string(failure.what()) +
+                              "; the lattice fills the body instead");
+    return false;
+  }
+  volume.interior = Interior::tetgen;
+  volume.spacing = mean_interior_edge(volume);
+  return true;
+}
+
+void fill_by_lattice(const TriMesh& mesh, const Solid& solid, double spacing, ThreadTeam& team, VolumeGraph& volume) {
+  join(mesh, fill_with_lattice(mesh, solid, spacing, team), volume);
+  volume.interior = Interior::lattice;
+  volume.spacing = spacing;
+  if (volume.node_count() > volume.surface_count) return;
+  volume.warnings.push_back("W_NO_INTERIOR: no lattice node fits inside the surface; a smaller spacing may help");
+}
+
 }  // namespace
 
 VolumeGraph build_volume_graph(const TriMesh& mesh, const Solid& solid, const VolumeGraphOptions& options,
                                ThreadTeam& team) {
   check_mesh(mesh);
   VolumeGraph volume;
-  InteriorNodes interior;
-  if (options.interior != Interior::none) {
-    volume.spacing = lattice_spacing(mesh, solid, options, team);
-    interior = fill_with_lattice(mesh, solid, volume.spacing, team);
-    volume.interior = Interior::lattice;
-    if (interior.positions.rows() == 0) {
-      volume.warnings.push_back("W_NO_INTERIOR: no lattice node fits inside the surface; a smaller spacing may help");
-    }
+  if (options.interior == Interior::none) {
+    join(mesh, {}, volume);
+    return volume;
   }
-  join(mesh, std::move(interior), volume);
+  const double spacing = lattice_spacing(mesh, solid, options, team);
+  const bool filled =
+      options.interior == Interior::tetgen && fill_by_worker(mesh, solid, spacing, options, volume);
+  if (!filled) fill_by_lattice(mesh, solid, spacing, team, volume);
   return volume;
 }
 

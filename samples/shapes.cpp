@@ -150,7 +150,7 @@ TriMesh torus(double ring_radius, double tube_radius, int ring_segments, int tub
                        tube_radius * std::sin(roll) * Vector3d::UnitY());
     }
     const int next = (ring + 1) % ring_segments;
-    join_rings(next * tube_segments, ring * tube_segments, tube_segments, triangles);
+    join_rings(ring * tube_segments, next * tube_segments, tube_segments, triangles);
   }
   return make_mesh(points, std::move(triangles));
 }

@@ -1,0 +1,514 @@
+#include "skeleton/retarget.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include "skeleton/unusable_input.h"
+#include "tests/skeleton/humanoid.h"
+
+namespace sinew {
+namespace {
+
+using test::clip_of;
+using test::humanoid_rig;
+using test::posed_rig;
+using test::skeleton_of;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using Turns = std::vector<Quaterniond>;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+Quaterniond turn(double degrees, const Vector3d& axis) {
+  return Quaterniond(Eigen::AngleAxisd(degrees * kDegree, axis.normalized()));
+}
+
+double degrees_between(const Vector3d& a, const Vector3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)) / kDegree; }
+double degrees_between(const Quaterniond& a, const Quaterniond& b) { return a.angularDistance(b) / kDegree; }
+
+/// Mixamo's names in Role order, under another namespace so that nothing matches by equal names.
+std::vector<std::string> clip_names() {
+  return {"m:Hips", "m:Spine", "m:Spine1", "m:Spine2", "m:Neck", "m:Head",
+          "m:LeftShoulder", "m:LeftArm", "m:LeftForeArm", "m:LeftHand",
+          "m:RightShoulder", "m:RightArm", "m:RightForeArm", "m:RightHand",
+          "m:LeftUpLeg", "m:LeftLeg", "m:LeftFoot", "m:LeftToeBase",
+          "m:RightUpLeg", "m:RightLeg", "m:RightFoot", "m:RightToeBase"};
+}
+
+int index_of(Role role) { return static_cast<int>(role); }
+
+/// Some orientation per joint, different for each.
+Turns odd_axes() {
+  Turns axes;
+  for (int joint = 0; joint < kRoleCount; ++joint)
+    axes.push_back(turn(40.0 * joint + 10.0, Vector3d(1.0 + joint % 3, joint % 5 - 2.0, 0.5 * (joint % 2))));
+  return axes;
+}
+
+/// Bends everything a little and differently, over `frames` frames; the first is at rest.
+std::vector<Turns> wild_motion(int frames) {
+  std::vector<Turns> turns(static_cast<std::size_t>(frames), Turns(kRoleCount, Quaterniond::Identity()));
+  for (int frame = 1; frame < frames; ++frame)
+    for (int joint = 0; joint < kRoleCount; ++joint)
+      turns[frame][joint] = turn(35.0 * std::sin(0.4 * frame + joint), Vector3d(std::cos(joint), std::sin(2.0 * joint), 0.7)) *
+                            turn(7.0 * frame, Vector3d::UnitY());
+  return turns;
+}
+
+std::vector<Vector3d> wandering_root(int frames) {
+  std::vector<Vector3d> root;
+  for (int frame = 0; frame < frames; ++frame) root.emplace_back(0.02 * frame, 0.98 + 0.05 * std::sin(frame), 0.03 * frame);
+  return root;
+}
+
+Clip wild_clip(const RigSkeleton& body, const Turns& axes, int frames = 40) {
+  return clip_of(skeleton_of(body, clip_names(), axes), wild_motion(frames), wandering_root(frames));
+}
+
+/// The rig with arms hanging 40 degrees lower, one knee and the neck bent: another rest pose.
+RigSkeleton another_rest(const RigSkeleton& rig) {
+  Turns turns(kRoleCount, Quaterniond::Identity());
+  for (int part = 1; part < 4; ++part) {
+    turns[index_of(Role::left_shoulder) + part] = turn(-40, Vector3d::UnitZ());
+    turns[index_of(Role::right_shoulder) + part] = turn(40, Vector3d::UnitZ());
+  }
+  turns[index_of(Role::left_hand)] = turn(-55, Vector3d::UnitZ());
+  turns[index_of(Role::left_lower_leg)] = turns[index_of(Role::left_foot)] = turn(8, Vector3d::UnitX());
+  turns[index_of(Role::neck)] = turn(-12, Vector3d::UnitX());
+  turns[index_of(Role::chest)] = turn(9, Vector3d::UnitX());
+  return posed_rig(rig, turns);
+}
+
+/// The same body in other units and another world: up along `turn` * y.
+Clip moved_world(const Clip& clip, const Quaterniond& world, double scale) {
+  Clip moved = clip;
+  for (Transform& local : moved.local) local.translation *= scale;
+  for (Transform& rest : moved.skeleton.rest) rest.translation *= scale;
+  for (auto& tips : moved.skeleton.tips)
+    for (Vector3d& tip : tips) tip *= scale;
+  const auto turn_root = [&](Transform& root) {
+    root.translation = world * root.translation;
+    root.rotation = world * root.rotation;
+  };
+  turn_root(moved.skeleton.rest[0]);
+  for (int frame = 0; frame < clip.frame_count; ++frame)
+    turn_root(moved.local[static_cast<std::size_t>(frame * clip.skeleton.joint_count())]);
+  return moved;
+}
+
+/// Bones whose direction the method promises, as pairs of roles.
+const std::pair<Role, Role> kBones[] = {
+    {Role::spine, Role::chest}, {Role::chest, Role::upper_chest}, {Role::upper_chest, Role::neck}, {Role::neck, Role::head},
+    {Role::left_upper_arm, Role::left_lower_arm}, {Role::left_lower_arm, Role::left_hand},
+    {Role::right_upper_arm, Role::right_lower_arm}, {Role::right_lower_arm, Role::right_hand},
+    {Role::left_upper_leg, Role::left_lower_leg}, {Role::left_lower_leg, Role::left_foot},
+    {Role::right_upper_leg, Role::right_lower_leg}, {Role::right_lower_leg, Role::right_foot}};
+
+/// The largest angle between a bone in the motion and in the clip, the clip's world turned by `world`.
+double worst_direction(const Clip& clip, const Motion& motion, const Quaterniond& world) {
+  double worst = 0.0;
+  for (int frame = 0; frame < motion.frame_count(); ++frame) {
+    const Pose source = pose_at(clip, frame);
+    for (const auto& [from, to] : kBones) {
+      const auto bone = [&](const Pose& pose) { return Vector3d(pose.positions[index_of(to)] - pose.positions[index_of(from)]); };
+      worst = std::max(worst, degrees_between(bone(motion.poses[frame]), world * bone(source)));
+    }
+  }
+  return worst;
+}
+
+void expect_same_motion(const Motion& a, const Motion& b, double metres, double degrees) {
+  ASSERT_EQ(a.frame_count(), b.frame_count());
+  double distance = 0.0, angle = 0.0;
+  for (int frame = 0; frame < a.frame_count(); ++frame)
+    for (int joint = 0; joint < a.poses[frame].joint_count(); ++joint) {
+      distance = std::max(distance, (a.poses[frame].positions[joint] - b.poses[frame].positions[joint]).norm());
+      angle = std::max(angle, degrees_between(a.poses[frame].rotations[joint], b.poses[frame].rotations[joint]));
+    }
+  EXPECT_LE(distance, metres);
+  EXPECT_LE(angle, degrees);
+}
+
+TEST(Retarget, EveryBonePointsWhereTheClipsBonePointsWhateverTheRestPoseAndTheJointsAxes) {
+  const RigSkeleton rig = humanoid_rig();
+  for (const RigSkeleton& body : {rig, another_rest(rig)})
+    for (const Turns& axes : {Turns(kRoleCount, Quaterniond::Identity()), odd_axes()}) {
+      const Clip clip = wild_clip(body, axes);
+      EXPECT_LE(worst_direction(clip, retarget(clip, rig), Quaterniond::Identity()), 1e-6);
+      EXPECT_LE(worst_direction(clip, retarget(clip, another_rest(rig)), Quaterniond::Identity()), 1e-6);
+    }
+}
+
+TEST(Retarget, OntoTheSameBodyUnderOtherNamesIsForwardKinematics) {
+  const RigSkeleton rig = humanoid_rig();
+  const Clip clip = wild_clip(rig, odd_axes());
+  const Motion motion = retarget(clip, rig);
+  ASSERT_EQ(motion.frame_count(), clip.frame_count);
+  const Pose rest = forward_kinematics(clip.skeleton, clip.skeleton.rest);
+  const Vector3d shift = motion.poses[0].positions[0] - pose_at(clip, 0).positions[0];
+  for (int frame = 0; frame < clip.frame_count; ++frame) {
+    const Pose source = pose_at(clip, frame);
+    for (int joint = 0; joint < rig.joint_count(); ++joint) {
+      EXPECT_LE((motion.poses[frame].positions[joint] - source.positions[joint] - shift).norm(), 1e-9);
+      EXPECT_LE(degrees_between(motion.poses[frame].rotations[joint],
+                                source.rotations[joint] * rest.rotations[joint].conjugate()), 1e-6);
+    }
+  }
+}
+
+TEST(Retarget, OntoTheClipsOwnSkeletonKeepsPlaceStretchAndJointsWithoutRoles) {
+  const RigSkeleton human = humanoid_rig();
+  Clip clip = wild_clip(human, odd_axes());
+  RigSkeleton rig = human;
+  for (int joint = 0; joint < rig.joint_count(); ++joint) {
+    clip.skeleton.names[joint] = rig.joints[joint].name = "bone " + std::to_string(joint);
+    rig.joints[joint].role.reset();
+    rig.joints[joint].position *= 2.0;
+  }
+  clip.local[5].translation *= 1.3;
+  const Motion motion = retarget(clip, rig);
+  for (int frame = 0; frame < clip.frame_count; ++frame) {
+    const Pose source = pose_at(clip, frame);
+    for (int joint = 0; joint < rig.joint_count(); ++joint)
+      EXPECT_LE((motion.poses[frame].positions[joint] - 2.0 * source.positions[joint]).norm(), 1e-9);
+  }
+}
+
+TEST(Retarget, UnitsAndWorldOfTheClipChangeNothing) {
+  const RigSkeleton rig = another_rest(humanoid_rig());
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  const Motion motion = retarget(clip, rig);
+  const Quaterniond z_up = turn(90, Vector3d::UnitX()), turned = turn(37, Vector3d::UnitY());
+  for (const Quaterniond& world : {Quaterniond::Identity(), turned, z_up, z_up * turned, turn(180, Vector3d::UnitX()),
+                                   turn(-90, Vector3d::UnitZ())}) {
+    SCOPED_TRACE(world.coeffs().transpose());
+    expect_same_motion(motion, retarget(moved_world(clip, world, 100.0), rig), 1e-9, 1e-6);
+  }
+}
+
+TEST(Retarget, UpAndFrontOfTheRigChangeNothingButTheWorldItMovesIn) {
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  const RigSkeleton rig = another_rest(humanoid_rig());
+  const Quaterniond world = turn(90, Vector3d::UnitX()) * turn(25, Vector3d::UnitY());
+  RigSkeleton moved = rig;
+  moved.up = world * rig.up;
+  moved.front = world * rig.front;
+  for (RigJoint& joint : moved.joints) {
+    joint.position = world * joint.position;
+    if (joint.tip) joint.tip = world * *joint.tip;
+  }
+  const Motion expected = retarget(clip, rig), found = retarget(clip, moved);
+  for (int frame = 0; frame < expected.frame_count(); ++frame)
+    for (int joint = 0; joint < rig.joint_count(); ++joint)
+      EXPECT_LE((found.poses[frame].positions[joint] - world * expected.poses[frame].positions[joint]).norm(), 1e-9);
+}
+
+TEST(Retarget, ABiggerBodyTakesProportionallyLongerSteps) {
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  RigSkeleton giant = humanoid_rig();
+  for (RigJoint& joint : giant.joints) {
+    joint.position *= 3.0;
+    if (joint.tip) *joint.tip *= 3.0;
+  }
+  const Motion human = retarget(clip, humanoid_rig()), motion = retarget(clip, giant);
+  for (int frame = 0; frame < motion.frame_count(); ++frame)
+    for (int joint = 0; joint < giant.joint_count(); ++joint)
+      EXPECT_LE((motion.poses[frame].positions[joint] - 3.0 * human.poses[frame].positions[joint]).norm(), 1e-9);
+}
+
+TEST(Retarget, TheLowestFootOfTheClipStandsWhereTheRigsDoes) {
+  const int frames = 40;
+  std::vector<Vector3d> root(frames, Vector3d(4.0, 7.98, -2.0));  // a floor at height 7
+  const Clip clip = clip_of(skeleton_of(humanoid_rig(), clip_names(), odd_axes()),
+                            std::vector<Turns>(frames, Turns(kRoleCount, Quaterniond::Identity())), root);
+  const RigSkeleton rig = humanoid_rig();
+  const Motion motion = retarget(clip, rig);
+  for (int joint = 0; joint < rig.joint_count(); ++joint)
+    EXPECT_LE((motion.poses.back().positions[joint] - rig.joints[joint].position).norm(), 1e-9);
+}
+
+TEST(Retarget, InPlaceKeepsTheHipsAboveTheirRestPositionAndTheirHeight) {
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  const RigSkeleton rig = another_rest(humanoid_rig());
+  const Motion travelling = retarget(clip, rig), staying = retarget(clip, rig, {.in_place = true});
+  for (int frame = 0; frame < staying.frame_count(); ++frame) {
+    const Vector3d& hips = staying.poses[frame].positions[0];
+    EXPECT_NEAR(hips.x(), rig.joints[0].position.x(), 1e-12);
+    EXPECT_NEAR(hips.z(), rig.joints[0].position.z(), 1e-12);
+    EXPECT_NEAR(hips.y(), travelling.poses[frame].positions[0].y(), 1e-12);
+  }
+}
+
+TEST(Retarget, TheFirstFrameStandsAboveTheRestPosition) {
+  const Motion motion = retarget(wild_clip(another_rest(humanoid_rig()), odd_axes()), humanoid_rig());
+  EXPECT_NEAR(motion.poses[0].positions[0].x(), 0.0, 1e-12);
+  EXPECT_NEAR(motion.poses[0].positions[0].z(), 0.0, 1e-12);
+}
+
+TEST(Retarget, ADeclaredPoseWithAllBonesAlongOneAxisIsNoReference) {
+  const RigSkeleton rig = humanoid_rig();
+  Clip clip = wild_clip(rig, odd_axes());
+  const Motion expected = retarget(clip, rig);
+  // As in files whose channels carry the joints' orientation: without them every bone lies along x.
+  for (int joint = 1; joint < clip.skeleton.joint_count(); ++joint) {
+    Transform& rest = clip.skeleton.rest[joint];
+    const Quaterniond along_x = Quaterniond::FromTwoVectors(Vector3d::UnitX(), rest.translation);
+    const double length = rest.translation.norm();
+    rest.rotation = Quaterniond::Identity();
+    for (int frame = 0; frame < clip.frame_count; ++frame) {
+      Transform& local = clip.local[static_cast<std::size_t>(frame * kRoleCount + joint)];
+      ASSERT_LE((local.translation - along_x * Vector3d(length, 0, 0)).norm(), 1e-12);
+    }
+    rest.translation = Vector3d(length, 0, 0);
+  }
+  clip.skeleton.rest[0].rotation = Quaterniond::Identity();
+  // The frames keep their own offsets: the first of them stands, and is found.
+  expect_same_motion(expected, retarget(clip, rig), 1e-9, 1e-6);
+}
+
+TEST(Retarget, AClipThatNeverStandsStraightStillPointsItsBones) {
+  const RigSkeleton rig = humanoid_rig();
+  Turns sitting(kRoleCount, Quaterniond::Identity());
+  for (const Role thigh : {Role::left_upper_leg, Role::right_upper_leg}) sitting[index_of(thigh)] = turn(-80, Vector3d::UnitX());
+  sitting[index_of(Role::left_upper_arm)] = turn(-60, Vector3d(0, 1, 1));
+  const RigSkeleton seated = posed_rig(rig, sitting);
+  const Clip clip = wild_clip(seated, odd_axes());
+  const Motion motion = retarget(clip, rig);
+  // The reference is some frame in which the body looks somewhere: one heading for the whole clip is free.
+  const auto thigh = [](const Pose& pose) {
+    return Vector3d(pose.positions[index_of(Role::left_lower_leg)] - pose.positions[index_of(Role::left_upper_leg)]);
+  };
+  const Vector3d from = thigh(pose_at(clip, 0)), to = thigh(motion.poses[0]);
+  const double heading = std::atan2(to.x(), to.z()) - std::atan2(from.x(), from.z());
+  EXPECT_LE(worst_direction(clip, motion, Quaterniond(Eigen::AngleAxisd(heading, Vector3d::UnitY()))), 1e-6);
+  ASSERT_EQ(motion.warnings.size(), 1u);
+  EXPECT_EQ(motion.warnings[0].substr(0, 18), "W_REFERENCE_POSE: ");
+}
+
+TEST(Retarget, AReferenceFramePutBeforeTheMotionIsLeftOut) {
+  const RigSkeleton rig = humanoid_rig();
+  Clip clip = wild_clip(rig, odd_axes());
+  clip.local[0].translation = Vector3d::Zero();  // the T-pose stands at the origin, up to its hips in the ground
+  for (int frame = 1; frame < clip.frame_count; ++frame)
+    clip.local[static_cast<std::size_t>(frame * kRoleCount)].translation += Vector3d(3, 0, 3);
+  const Motion motion = retarget(clip, rig);
+  EXPECT_EQ(motion.frame_count(), clip.frame_count - 1);
+  ASSERT_EQ(motion.warnings.size(), 1u);
+  EXPECT_EQ(motion.warnings[0],
+            "W_REFERENCE_FRAME_DROPPED: frame 0 is a reference pose put before the motion; left out");
+  EXPECT_NEAR(motion.poses[0].positions[0].x(), 0.0, 1e-12);
+}
+
+TEST(Retarget, JointsWithoutRolesFollowTheirParents) {
+  RigSkeleton rig = humanoid_rig();
+  RigJoint finger;
+  finger.name = "finger";
+  finger.parent = index_of(Role::left_hand);
+  finger.position = Vector3d(0.8, 1.44, 0.01);
+  rig.joints.push_back(finger);
+  const Motion motion = retarget(wild_clip(humanoid_rig(), odd_axes()), rig);
+  for (const Pose& pose : motion.poses)
+    EXPECT_EQ(pose.rotations.back().coeffs(), pose.rotations[index_of(Role::left_hand)].coeffs());
+}
+
+TEST(Retarget, AJointAboveTheHipsMovesRigidlyWithThem) {
+  RigSkeleton rig;
+  RigJoint floor;
+  floor.name = "floor";
+  rig.joints.push_back(floor);
+  for (RigJoint joint : humanoid_rig().joints) {
+    ++joint.parent;
+    rig.joints.push_back(joint);
+  }
+  const Motion motion = retarget(wild_clip(humanoid_rig(), odd_axes()), rig);
+  for (const Pose& pose : motion.poses)
+    EXPECT_LE((pose.rotations[1].conjugate() * (pose.positions[0] - pose.positions[1]) - Vector3d(0, -0.98, 0)).norm(), 1e-12);
+}
+
+/// A copy of `skeleton`'s clip without the joints of some roles; their children hang on their parents.
+Clip without(const Clip& clip, const std::vector<Role>& roles) {
+  Clip reduced = clip;
+  reduced.local.clear();
+  reduced.skeleton = Skeleton{};
+  std::vector<int> kept, new_of_old(kRoleCount, -1);
+  for (int joint = 0; joint < kRoleCount; ++joint)
+    if (std::find(roles.begin(), roles.end(), static_cast<Role>(joint)) == roles.end()) {
+      new_of_old[joint] = static_cast<int>(kept.size());
+      kept.push_back(joint);
+    }
+  const auto parent_of = [&](int joint) {
+    int parent = clip.skeleton.parents[joint];
+    while (parent >= 0 && new_of_old[parent] < 0) parent = clip.skeleton.parents[parent];
+    return parent;
+  };
+  const auto relative = [&](const Pose& pose, int joint) {
+    const int parent = parent_of(joint);
+    if (parent < 0) return Transform{pose.positions[joint], pose.rotations[joint], Vector3d::Ones()};
+    return Transform{pose.rotations[parent].conjugate() * (pose.positions[joint] - pose.positions[parent]),
+                     pose.rotations[parent].conjugate() * pose.rotations[joint], Vector3d::Ones()};
+  };
+  const Pose rest = forward_kinematics(clip.skeleton, clip.skeleton.rest);
+  for (const int joint : kept) {
+    reduced.skeleton.names.push_back(clip.skeleton.names[joint]);
+    reduced.skeleton.parents.push_back(parent_of(joint) < 0 ? -1 : new_of_old[parent_of(joint)]);
+    reduced.skeleton.rest.push_back(relative(rest, joint));
+    reduced.skeleton.tips.push_back(clip.skeleton.tips[joint]);
+  }
+  for (int frame = 0; frame < clip.frame_count; ++frame) {
+    const Pose pose = pose_at(clip, frame);
+    for (const int joint : kept) reduced.local.push_back(relative(pose, joint));
+  }
+  return reduced;
+}
+
+TEST(Retarget, OptionalJointsThatTheClipLacksFollowTheirParents) {
+  const RigSkeleton rig = humanoid_rig();
+  const Clip clip = without(wild_clip(rig, odd_axes()), {Role::left_shoulder, Role::left_toes, Role::right_hand, Role::neck});
+  const Motion motion = retarget(clip, rig);
+  for (const Pose& pose : motion.poses) {
+    const auto same = [&](Role a, Role b) {
+      EXPECT_LE(degrees_between(pose.rotations[index_of(a)], pose.rotations[index_of(b)]), 1e-6);
+    };
+    same(Role::left_shoulder, Role::upper_chest);
+    same(Role::left_toes, Role::left_foot);
+    same(Role::right_hand, Role::right_lower_arm);
+    same(Role::neck, Role::upper_chest);
+  }
+}
+
+TEST(Retarget, ALongerSpineSharesTheTurnOfTheClipsShorterOne) {
+  const RigSkeleton rig = humanoid_rig();
+  Clip clip = without(wild_clip(rig, Turns(kRoleCount, Quaterniond::Identity()), 2), {Role::chest, Role::upper_chest});
+  for (int joint = 0; joint < clip.skeleton.joint_count(); ++joint)
+    clip.local[static_cast<std::size_t>(clip.skeleton.joint_count() + joint)] = clip.local[static_cast<std::size_t>(joint)];
+  clip.local[static_cast<std::size_t>(clip.skeleton.joint_count() + 1)].rotation = turn(60, Vector3d::UnitY());
+  const Motion motion = retarget(clip, rig);
+  const auto angle = [&](Role role) {
+    return degrees_between(motion.poses[1].rotations[index_of(role)], motion.poses[0].rotations[index_of(role)]);
+  };
+  EXPECT_NEAR(angle(Role::upper_chest), 60.0, 1e-6);
+  EXPECT_GT(angle(Role::spine), 5.0);
+  EXPECT_LT(angle(Role::spine), angle(Role::chest));
+  EXPECT_LT(angle(Role::chest), 60.0);
+}
+
+TEST(Retarget, AShorterSpineTakesTheWholeTurnOfTheClipsLongerOne) {
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  RigSkeleton rig;
+  for (const RigJoint& joint : humanoid_rig().joints) {  // hips, one spine joint, and the rest
+    if (joint.role == Role::chest || joint.role == Role::upper_chest) continue;
+    RigJoint kept = joint;
+    if (kept.parent >= 4) kept.parent -= 2;
+    else if (kept.parent >= 2) kept.parent = 1;
+    rig.joints.push_back(kept);
+  }
+  const Motion motion = retarget(clip, rig);
+  for (int frame = 0; frame < motion.frame_count(); ++frame) {
+    const Pose source = pose_at(clip, frame);
+    EXPECT_LE(degrees_between(Vector3d(motion.poses[frame].positions[2] - motion.poses[frame].positions[1]),
+                              Vector3d(source.positions[index_of(Role::neck)] - source.positions[index_of(Role::spine)])), 1e-6);
+  }
+}
+
+TEST(Retarget, TheMapOfTheRigFileWinsOverRoles) {
+  const RigSkeleton body = humanoid_rig();
+  Clip clip = wild_clip(body, odd_axes());
+  const Motion expected = retarget(clip, body);
+  clip.skeleton.names[index_of(Role::left_lower_arm)] = "joint X";
+  clip.skeleton.names[index_of(Role::right_upper_leg)] = "joint Y";
+  RigSkeleton rig = body;
+  rig.map = {{"left_lower_arm", "joint X"}, {"right_upper_leg", "joint Y"}};
+  expect_same_motion(expected, retarget(clip, rig), 1e-12, 1e-9);
+}
+
+TEST(Retarget, AnAnimalMovesByTheMapAlone) {
+  // A spine and two legs of some animal, without roles.
+  RigSkeleton rig;
+  const std::tuple<const char*, int, Vector3d> joints[] = {
+      {"body", -1, {0, 1, 0}}, {"tail", 0, {0, 1.1, -0.5}}, {"tail tip", 1, {0, 1.2, -1}},
+      {"leg", 0, {0.2, 0.9, 0}}, {"hoof", 3, {0.2, 0.1, 0}}};
+  for (const auto& [name, parent, position] : joints) {
+    RigJoint joint;
+    joint.name = name;
+    joint.parent = parent;
+    joint.position = position;
+    rig.joints.push_back(joint);
+  }
+  std::vector<std::string> names = {"Körper", "Schwanz", "Spitze", "Bein", "Huf"};
+  const Skeleton skeleton = skeleton_of(rig, names, Turns(5, turn(30, Vector3d(1, 2, 3))));
+  std::vector<Turns> turns(6, Turns(5, Quaterniond::Identity()));
+  for (int frame = 1; frame < 6; ++frame)
+    for (int joint = 0; joint < 5; ++joint) turns[frame][joint] = turn(10.0 * frame, Vector3d(1, joint, 0));
+  const Clip clip = clip_of(skeleton, turns, std::vector<Vector3d>(6, Vector3d(0, 1, 0)));
+  for (int joint = 0; joint < 5; ++joint) rig.map.emplace_back(rig.joints[joint].name, names[joint]);
+  const Motion motion = retarget(clip, rig);
+  for (int frame = 0; frame < 6; ++frame)
+    for (int joint = 0; joint < 5; ++joint)
+      EXPECT_LE(degrees_between(motion.poses[frame].rotations[joint], turns[frame][joint]), 1e-5);
+}
+
+TEST(Retarget, RotationsAreUnitAndScalesAreOne) {
+  for (const Pose& pose : retarget(wild_clip(another_rest(humanoid_rig()), odd_axes()), humanoid_rig()).poses)
+    for (int joint = 0; joint < pose.joint_count(); ++joint) {
+      EXPECT_NEAR(pose.rotations[joint].norm(), 1.0, 1e-12);
+      EXPECT_EQ(pose.scales[joint], 1.0);
+    }
+}
+
+TEST(Retarget, TwiceGivesTheSameBits) {
+  const Clip clip = wild_clip(another_rest(humanoid_rig()), odd_axes());
+  const Motion first = retarget(clip, humanoid_rig()), second = retarget(clip, humanoid_rig());
+  for (int frame = 0; frame < first.frame_count(); ++frame)
+    for (int joint = 0; joint < kRoleCount; ++joint) {
+      EXPECT_EQ(first.poses[frame].positions[joint], second.poses[frame].positions[joint]);
+      EXPECT_EQ(first.poses[frame].rotations[joint].coeffs(), second.poses[frame].rotations[joint].coeffs());
+    }
+}
+
+std::string refusal(const Clip& clip, const RigSkeleton& rig) {
+  try {
+    retarget(clip, rig);
+  } catch (const UnusableInput& refused) {
+    return refused.what();
+  }
+  return "accepted";
+}
+
+TEST(Retarget, RefusesAClipThatLacksLimbsOfTheRigAndNamesThem) {
+  Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  clip.skeleton.names[index_of(Role::left_upper_leg)] = "A";
+  clip.skeleton.names[index_of(Role::right_lower_arm)] = "B";
+  EXPECT_EQ(refusal(clip, humanoid_rig()),
+            "no joint of the clip plays right_lower_arm, left_upper_leg; name them in the rig file's [map]");
+}
+
+TEST(Retarget, RefusesAMapThatNamesJointsThatAreNotThere) {
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  RigSkeleton rig = humanoid_rig();
+  rig.map = {{"left_hand", "Pfote"}};
+  EXPECT_EQ(refusal(clip, rig), "the rig's [map] pairs 'left_hand' with 'Pfote', but the clip has no joint of that name");
+  rig.map = {{"paw", "m:LeftHand"}};
+  EXPECT_EQ(refusal(clip, rig), "the rig's [map] names its joint 'paw', which it does not have");
+}
+
+TEST(Retarget, RefusesARigThatHasNothingInCommonWithTheClip) {
+  RigSkeleton rig;
+  rig.joints.resize(2);
+  rig.joints[0].name = "a";
+  rig.joints[1].name = "b";
+  EXPECT_EQ(refusal(wild_clip(humanoid_rig(), odd_axes()), rig),
+            "no joint of the rig has a role, a line in [map] or a namesake in the clip; "
+            "name the clip's joints in the rig file's [map]");
+}
+
+TEST(Retarget, RefusesAClipWithoutFramesAndARigWithoutJoints) {
+  Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  EXPECT_EQ(refusal(clip, RigSkeleton{}), "the rig has no joints");
+  clip.frame_count = 0;
+  EXPECT_EQ(refusal(clip, humanoid_rig()), "the clip 'made up' has no frames");
+}
+
+}  // namespace
+}  // namespace sinew

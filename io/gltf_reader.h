@@ -41,7 +41,10 @@ class GltfFile {
   MeshAsset mesh() const;
 
   /// The bind pose of the skin (of all skins, merged by node) as a rig in scene space, roles
-  /// recognised by name where possible; nothing when the file has no skin.
+  /// recognised by name where possible; nothing when the file has no skin. Joints that move nothing
+  /// (inverse-kinematics handles, pole targets: neither they nor a joint below has vertices) are left
+  /// out. Leaf joints have a tip where vertices follow them. Up is Y; the front is where left and right
+  /// say, or else Z.
   std::optional<RigSkeleton> rig() const;
 
   /// An animation by name, by index ("0"), or the first one when empty, sampled at `frames_per_second`,

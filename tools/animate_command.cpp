@@ -1,9 +1,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <optional>
+#include <sstream>
 
 #include "io/bvh.h"
 #include "io/file_error.h"
@@ -11,6 +11,7 @@
 #include "io/gltf_writer.h"
 #include "io/mesh_asset.h"
 #include "io/obj_writer.h"
+#include "io/report.h"
 #include "io/rig_file.h"
 #include "pipeline/animate.h"
 #include "skeleton/unusable_input.h"
@@ -19,7 +20,6 @@
 #include "tools/interrupt.h"
 #include "tools/output_pattern.h"
 #include "tools/progress.h"
-#include "tools/run_report.h"
 
 namespace sinew {
 namespace {
@@ -138,81 +138,180 @@ void print_warnings(const std::vector<std::string>& warnings, bool quiet) {
   for (const std::string& warning : warnings) std::cerr << "warning: " << warning << '\n';
 }
 
+void take(Report& report, const std::vector<std::string>& warnings, bool quiet) {
+  print_warnings(warnings, quiet);
+  report.warnings.insert(report.warnings.end(), warnings.begin(), warnings.end());
+}
+
+std::string as_text(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
+/// Everything the result depends on, as resolved.
+std::vector<std::pair<std::string, std::string>> option_records(const AnimateCommandOptions& options,
+                                                                const FrameRange& frames, double fps) {
+  return {{"animation", options.animation},
+          {"frames", std::to_string(frames.first + 1) + "-" + std::to_string(frames.last + 1) + "x" +
+                         std::to_string(frames.step)},
+          {"fps", as_text(fps)},
+          {"in-place", options.in_place ? "true" : "false"},
+          {"interior", options.interior},
+          {"density", as_text(options.density)},
+          {"spacing", as_text(options.spacing)},
+          {"deform", options.deform},
+          {"solver", options.solver},
+          {"hierarchy", options.hierarchy},
+          {"tolerance", as_text(options.tolerance)},
+          {"format", options.format},
+          {"gltf-tolerance", as_text(options.gltf_tolerance)}};
+}
+
+std::vector<InputRecord> input_records(const AnimateCommandOptions& options) {
+  std::vector<InputRecord> records;
+  for (const auto& [role, path] : {std::pair{"mesh", options.mesh}, {"clip", options.clip}, {"rig", options.rig}}) {
+    if (!path.empty()) records.push_back(describe_input(role, path));
+  }
+  return records;
+}
+
+SizeRecord sizes_of(const Rig& rig) {
+  return {.surface_vertices = rig.mesh.vertex_count(),
+          .surface_triangles = static_cast<std::int64_t>(rig.mesh.triangles.size()),
+          .graph_nodes = rig.volume.node_count(),
+          .free_nodes = static_cast<std::int64_t>(rig.node_of_free.size()),
+          .edges = rig.volume.graph.edge_count(),
+          .rig_bytes = static_cast<std::int64_t>(rig.bytes())};
+}
+
+void print_rig(const Rig& rig) {
+  std::cerr << rig.volume.node_count() << " nodes (" << rig.volume.surface_count << " on the surface), "
+            << rig.volume.graph.edge_count() << " edges, " << rig.node_of_free.size() << " free; "
+            << rig.binding.bones.size() << " bones, " << rig.binding.fields.size() << " fields\n";
+  if (const auto* multigrid = dynamic_cast<const MultigridSolver*>(rig.solver.get())) {
+    std::cerr << multigrid->hierarchy();
+  }
+}
+
+/// Where finished frames go.
+class FrameSink {
+ public:
+  FrameSink(const AnimateCommandOptions& options, const MeshAsset& asset, double fps)
+      : options_(options), asset_(asset), gltf_(asset, writer_options(options, fps)) {}
+
+  void add(const FrameResult& result) {
+    if (is_obj()) {
+      write_obj(numbered(options_.output, result.frame + 1), asset_, *result.positions);
+    } else {
+      gltf_.add_frame(*result.positions);
+    }
+  }
+  bool is_obj() const { return options_.format == "obj"; }
+  GltfWriteReport finish() const { return is_obj() ? GltfWriteReport{} : gltf_.write(options_.output); }
+
+ private:
+  static GltfWriterOptions writer_options(const AnimateCommandOptions& options, double fps) {
+    GltfWriterOptions result;
+    result.kind = options.format == "exact" ? GltfKind::exact : GltfKind::pca;
+    result.frames_per_second = fps;
+    result.tolerance = options.gltf_tolerance;
+    return result;
+  }
+
+  const AnimateCommandOptions& options_;
+  const MeshAsset& asset_;
+  GltfWriter gltf_;
+};
+
+AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRange& frames) {
+  AnimateOptions result;
+  result.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
+  result.frame.solve.tolerance = options.tolerance;
+  result.first_frame = frames.first;
+  result.last_frame = frames.last;
+  return result;
+}
+
+/// Solves the frames and hands the wanted ones on. Returns how many those were.
+int solve_frames(const Rig& rig, const Motion& motion, const AnimateCommandOptions& options, const FrameRange& frames,
+                 ThreadTeam& team, FrameSink& sink, Report& report, Progress& progress) {
+  const int wanted = (frames.last - frames.first) / frames.step + 1;
+  int done = 0;
+  TimingReport timing;
+  {
+    const auto timer = timing.time("frames");
+    animate(rig, motion, solve_options(options, frames), team, [&](const FrameResult& result) {
+      if ((result.frame - frames.first) % frames.step == 0) {
+        report.frames.push_back(
+            {result.frame, result.report, result.volume_ratio, result.farthest_from_skeleton});
+        sink.add(result);
+        progress.step(++done, wanted);
+      }
+      return interrupt_asked() == ExitCode::ok;
+    });
+  }
+  report.frames_milliseconds = timing.total();
+  return done;
+}
+
 }  // namespace
 
 ExitCode run_animate(const AnimateCommandOptions& options) {
   if (const ExitCode refused = check_output(options); refused != ExitCode::ok) return refused;
-  RunReport report(options);
-  Progress progress(options.common.progress, options.common.quiet);
+  const bool quiet = options.common.quiet;
+  Report report;
+  Progress progress(options.common.progress, quiet);
 
   progress.stage("reading");
-  const Inputs inputs = [&] {
-    const auto timer = report.timing().time("read");
-    return read_inputs(options);
-  }();
-  print_warnings(inputs.asset.warnings, options.common.quiet);
-  print_warnings(inputs.motion.warnings, options.common.quiet);
-  report.add_warnings(inputs.asset.warnings);
-  report.add_warnings(inputs.motion.warnings);
-
-  FrameRange frames{0, inputs.motion.frame_count() - 1, 1};
-  if (!options.frames.empty()) {
-    try {
-      frames = resolve(parse_frame_range(options.frames), inputs.motion.frame_count());
-    } catch (const std::invalid_argument& error) {
-      std::cerr << "error: " << error.what() << '\n';
-      return ExitCode::usage;
-    }
+  Inputs inputs;
+  {
+    const auto timer = report.setup.time("read");
+    inputs = read_inputs(options);
+    report.inputs = input_records(options);
   }
+  take(report, inputs.asset.warnings, quiet);
+  take(report, inputs.motion.warnings, quiet);
+  FrameRange frames{0, inputs.motion.frame_count() - 1, 1};
+  try {
+    if (!options.frames.empty()) frames = resolve(parse_frame_range(options.frames), inputs.motion.frame_count());
+  } catch (const std::invalid_argument& error) {
+    std::cerr << "error: " << error.what() << '\n';
+    return ExitCode::usage;
+  }
+  const double fps = inputs.motion.frames_per_second / frames.step;
+  report.options = option_records(options, frames, fps);
 
   progress.stage("binding");
   ThreadTeam team(options.threads);
   const Rig rig = build_rig(inputs.asset.mesh, inputs.rig, rig_options(options), team);
-  print_warnings(rig.warnings, options.common.quiet);
-  report.add_warnings(rig.warnings);
-  report.set_rig(rig, team);
+  take(report, rig.warnings, quiet);
+  for (const auto& [stage, milliseconds] : rig.timing.stages()) report.setup.add(stage, milliseconds);
+  report.sizes = sizes_of(rig);
+  report.machine = describe_machine(team.thread_count());
+  if (options.common.verbose) print_rig(rig);
 
   progress.stage("solving");
-  AnimateOptions animate_options;
-  animate_options.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
-  animate_options.frame.solve.tolerance = options.tolerance;
-  animate_options.first_frame = frames.first;
-  animate_options.last_frame = frames.last;
-  const int wanted = (frames.last - frames.first) / frames.step + 1;
-
-  GltfWriterOptions writer_options;
-  writer_options.kind = options.format == "exact" ? GltfKind::exact : GltfKind::pca;
-  writer_options.frames_per_second = inputs.motion.frames_per_second / frames.step;
-  writer_options.tolerance = options.gltf_tolerance;
-  GltfWriter writer(inputs.asset, writer_options);
-
-  int written = 0;
-  animate(rig, inputs.motion, animate_options, team, [&](const FrameResult& result) {
-    if ((result.frame - frames.first) % frames.step == 0) {
-      report.add_frame(result);
-      if (options.format == "obj") {
-        write_obj(numbered(options.output, result.frame + 1), inputs.asset, *result.positions);
-      } else {
-        writer.add_frame(*result.positions);
-      }
-      progress.step(++written, wanted);
-    }
-    return interrupt_asked() == ExitCode::ok;
-  });
+  FrameSink sink(options, inputs.asset, fps);
+  const int done = solve_frames(rig, inputs.motion, options, frames, team, sink, report, progress);
   if (const ExitCode asked = interrupt_asked(); asked != ExitCode::ok) {
-    std::cerr << "interrupted after " << written << " of " << wanted << " frames; "
-              << (options.format == "obj" ? "their files are whole" : "nothing written") << '\n';
+    std::cerr << "interrupted after " << done << " frames; "
+              << (sink.is_obj() ? "their files are whole" : "nothing was written") << '\n';
     return asked;
   }
 
-  if (options.format != "obj") {
-    progress.stage("writing");
-    const auto timer = report.timing().time("write");
-    report.set_output(writer.write(options.output));
+  progress.stage("writing");
+  TimingReport writing;
+  {
+    const auto timer = writing.time("write");
+    report.written = sink.finish();
   }
-  report.write_if_asked();
-  progress.stage("done");
-  if (!options.common.quiet) report.print_table(std::cerr);
+  report.write_milliseconds = writing.total();
+  report.output = options.output.string();
+  report.peak_memory_bytes = peak_memory();
+  if (!options.report.empty()) write_report(options.report, report);
+  progress.finish();
+  if (!quiet) std::cerr << report;
   return ExitCode::ok;
 }
 

@@ -24,8 +24,6 @@ ProgressStyle settle(ProgressStyle style, bool quiet) {
 
 Progress::Progress(ProgressStyle style, bool quiet) : style_(settle(style, quiet)) {}
 
-Progress::~Progress() { clear_line(); }
-
 void Progress::clear_line() {
   if (line_open_) std::cerr << "\r\033[K" << std::flush;
   line_open_ = false;

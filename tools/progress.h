@@ -12,7 +12,7 @@ namespace sinew {
 class Progress {
  public:
   Progress(ProgressStyle style, bool quiet);
-  ~Progress();
+  ~Progress() { finish(); }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
@@ -20,6 +20,8 @@ class Progress {
   void stage(const std::string& name);
   /// `done` of `total` steps of the current stage are finished.
   void step(int done, int total);
+  /// The run is over: an open bar goes away.
+  void finish() { clear_line(); }
 
  private:
   void clear_line();

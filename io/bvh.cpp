@@ -1,6 +1,5 @@
 #include "io/bvh.h"
 
-#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -11,6 +10,7 @@
 #include "io/bvh_motion.h"
 #include "io/bvh_text.h"
 #include "io/file_error.h"
+#include "io/text_scanner.h"
 
 namespace sinew {
 namespace {
@@ -22,28 +22,11 @@ constexpr std::size_t kLargestFile = std::size_t{1} << 31;
 /// many transforms, a clip may have one for each byte of its file.
 constexpr std::size_t kFreeTransforms = 1'000'000;
 
-/// What else a file that is named .bvh often is; nothing if it may well be one.
-std::string other_kind(std::string_view text) {
-  if (text.starts_with("version https://git-lfs")) return "a Git LFS pointer: fetch the file itself with git lfs pull";
-  const bool utf16_mark = text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF");
-  const bool every_second_zero = text.size() >= 4 && ((text[1] == '\0' && text[3] == '\0' && text[0] != '\0') ||
-                                                      (text[0] == '\0' && text[2] == '\0' && text[1] != '\0'));
-  if (utf16_mark || every_second_zero) return "UTF-16 text: save it as UTF-8";
-  const std::string_view visible = text.substr(std::min(text.find_first_not_of(" \t\r\n\xEF\xBB\xBF"), text.size()));
-  if (same_word(visible.substr(0, 9), "<!doctype") || same_word(visible.substr(0, 5), "<html")) return "an HTML page";
-  if (visible.starts_with("<")) return "XML";
-  if (visible.empty()) return "an empty file";
-  return {};
-}
-
-void check_kind(std::string_view text, const std::filesystem::path& name) {
-  if (text.size() > kLargestFile) {
-    throw FileError(FileFault::resource, name.string(),
-                    "file has " + std::to_string(text.size()) + " bytes; at most " + std::to_string(kLargestFile) +
-                        " are read");
-  }
-  const std::string kind = other_kind(text);
-  if (!kind.empty()) throw FileError(name, 1, "not a BVH file but " + kind);
+void check_file_size(std::string_view text, const std::filesystem::path& name) {
+  if (text.size() <= kLargestFile) return;
+  throw FileError(FileFault::resource, name.string(),
+                  "file has " + std::to_string(text.size()) + " bytes; at most " + std::to_string(kLargestFile) +
+                      " are read");
 }
 
 Eigen::Quaterniond turn_about(int axis, double degrees) {
@@ -75,8 +58,8 @@ std::vector<Transform> local_transforms(const BvhHierarchy& hierarchy, const Bvh
   return local;
 }
 
-void check_size(const BvhHierarchy& hierarchy, const BvhMotion& motion, std::size_t bytes,
-                const std::filesystem::path& name) {
+void check_clip_size(const BvhHierarchy& hierarchy, const BvhMotion& motion, std::size_t bytes,
+                     const std::filesystem::path& name) {
   const std::size_t joints = hierarchy.skeleton.names.size();
   const auto frames = static_cast<std::size_t>(motion.frame_count);
   const std::size_t most = kFreeTransforms + bytes;
@@ -111,11 +94,12 @@ void warn_of_added_positions(const Clip& clip, long first_line, BvhText& text) {
 }  // namespace
 
 Clip parse_bvh(std::string_view bytes, const std::filesystem::path& name) {
-  check_kind(bytes, name);
+  check_file_size(bytes, name);
+  refuse_disguises(bytes, name, "a BVH file");
   BvhText text(bytes, name);
   BvhHierarchy hierarchy = read_bvh_hierarchy(text);
   const BvhMotion motion = read_bvh_motion(text, hierarchy.channels.size());
-  check_size(hierarchy, motion, bytes.size(), name);
+  check_clip_size(hierarchy, motion, bytes.size(), name);
   Clip clip;
   clip.name = name.stem().string();
   clip.frames_per_second = motion.frames_per_second;

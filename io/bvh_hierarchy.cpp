@@ -4,6 +4,8 @@
 #include <array>
 #include <utility>
 
+#include "io/text_scanner.h"
+
 namespace sinew {
 namespace {
 
@@ -70,7 +72,7 @@ class HierarchyReader {
     }
     const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 && c != '\t'; };
     if (name.empty() || std::any_of(name.begin(), name.end(), is_control)) {
-      text_.fail("found " + printable(name) + "; expected the name of a joint");
+      text_.fail("found " + in_quotes(name) + "; expected the name of a joint");
     }
     Skeleton& skeleton = result_.skeleton;
     open_.push_back({.joint = skeleton.joint_count()});
@@ -114,7 +116,7 @@ class HierarchyReader {
   /// The canonical name of the channel whose name stands here, or null.
   const char* channel_here() const {
     const auto found = std::find_if(kChannelNames.begin(), kChannelNames.end(),
-                                    [&](const char* name) { return same_word(text_.peek_word(), name); });
+                                    [&](const char* name) { return equal_ignoring_case(text_.peek_word(), name); });
     return found == kChannelNames.end() ? nullptr : *found;
   }
 
@@ -122,7 +124,7 @@ class HierarchyReader {
     constexpr std::array<const char*, 9> kKeywords = {"OFFSET", "CHANNELS", "JOINT", "ROOT", "End",
                                                       "EndSite", "MOTION", "{", "}"};
     return text_.at_end() || std::any_of(kKeywords.begin(), kKeywords.end(), [&](const char* keyword) {
-      return same_word(text_.peek_word(), keyword);
+      return equal_ignoring_case(text_.peek_word(), keyword);
     });
   }
 
@@ -150,7 +152,7 @@ class HierarchyReader {
     text_.expect("}");
   }
 
-  std::string name_of(int joint) const { return printable(result_.skeleton.names[joint]); }
+  std::string name_of(int joint) const { return in_quotes(result_.skeleton.names[joint]); }
 
   BvhText& text_;
   BvhHierarchy result_;

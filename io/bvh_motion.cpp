@@ -5,6 +5,8 @@
 #include <optional>
 #include <utility>
 
+#include "io/text_scanner.h"
+
 namespace sinew {
 namespace {
 
@@ -103,7 +105,7 @@ class RowReader {
     if (text_.at_end()) return false;
     const bool all_there = header_.frames && values_.size() >= static_cast<std::size_t>(*header_.frames) * channel_count_;
     if (!all_there || text_.looks_like_number()) return true;
-    note_text("found " + printable(text_.peek_word()) + " after the last row; the rest is ignored");
+    note_text("found " + in_quotes(text_.peek_word()) + " after the last row; the rest is ignored");
     return false;
   }
 
@@ -124,7 +126,7 @@ class RowReader {
 
   void drop_cut_row() {
     values_.resize(values_.size() / channel_count_ * channel_count_);
-    text_.warn("W_BVH_CUT_ROW", last_line_, "the file ends inside a row; that row is left out");
+    text_.warn("W_BVH_CUT_ROW", text_.line(), "the file ends inside a row; that row is left out");
   }
 
   void join_wrapped_rows() {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/file_error.h"
+#include "io/text_scanner.h"
 
 namespace sinew {
 namespace {
@@ -38,7 +39,7 @@ enum class Reading { number, not_a_number, not_finite, too_large };
 
 Reading read_number(std::string_view word, double& value) {
   const bool negative = take_sign(word);
-  if (same_word(word.substr(0, 3), "nan") || same_word(word.substr(0, 3), "inf")) return Reading::not_finite;
+  if (equal_ignoring_case(word.substr(0, 3), "nan") || equal_ignoring_case(word.substr(0, 3), "inf")) return Reading::not_finite;
   // from_chars would take a further minus.
   if (word.empty() || !(is_digit(word[0]) || word[0] == '.')) return Reading::not_a_number;
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
@@ -61,23 +62,6 @@ bool has_decimal_comma(std::string_view word) {
 }
 
 }  // namespace
-
-bool same_word(std::string_view word, std::string_view keyword) {
-  return std::equal(word.begin(), word.end(), keyword.begin(), keyword.end(),
-                    [](char a, char b) { return lower(a) == lower(b); });
-}
-
-std::string printable(std::string_view text) {
-  constexpr std::size_t kLongest = 40;
-  constexpr const char* kHex = "0123456789ABCDEF";
-  std::string result = "'";
-  for (const char c : text.substr(0, kLongest)) {
-    const auto byte = static_cast<unsigned char>(c);
-    if (byte >= 0x20 && byte < 0x7F) result += c;
-    else result += {'\\', 'x', kHex[byte >> 4], kHex[byte & 15]};
-  }
-  return result + (text.size() > kLongest ? "...'" : "'");
-}
 
 BvhText::BvhText(std::string_view text, const std::filesystem::path& name) : text_(text), name_(name) {
   if (text_.starts_with("\xEF\xBB\xBF")) at_ = 3;
@@ -135,7 +119,7 @@ std::string_view BvhText::take_word() {
 bool BvhText::accept(std::string_view keyword) {
   skip_space();
   const std::string_view word = peek_word();
-  if (!same_word(word, keyword)) return false;
+  if (!equal_ignoring_case(word, keyword)) return false;
   at_ += word.size();
   return true;
 }
@@ -174,8 +158,8 @@ std::string_view BvhText::take_name() {
 bool BvhText::looks_like_number() const {
   std::string_view word = peek_word();
   take_sign(word);
-  return !word.empty() && (is_digit(word[0]) || word[0] == '.' || same_word(word.substr(0, 3), "nan") ||
-                           same_word(word.substr(0, 3), "inf"));
+  return !word.empty() && (is_digit(word[0]) || word[0] == '.' || equal_ignoring_case(word.substr(0, 3), "nan") ||
+                           equal_ignoring_case(word.substr(0, 3), "inf"));
 }
 
 double BvhText::take_number() {
@@ -244,7 +228,7 @@ long long BvhText::take_count(std::string_view of_what) {
 void BvhText::fail_at(long line, const std::string& what) const { throw FileError(name_, line, what); }
 
 void BvhText::fail_expecting(const std::string& expected) const {
-  const std::string found = at_end() ? "the file ends" : at_line_end() ? "the line ends" : "found " + printable(peek_word());
+  const std::string found = at_end() ? "the file ends" : at_line_end() ? "the line ends" : "found " + in_quotes(peek_word());
   fail(found + "; expected " + expected);
 }
 

@@ -70,10 +70,4 @@ class BvhText {
   std::vector<std::string> warnings_;
 };
 
-/// Whether both are the same but for the case of ASCII letters.
-bool same_word(std::string_view word, std::string_view keyword);
-
-/// `text` in single quotes, cut to 40 bytes, what cannot be printed as \xNN.
-std::string printable(std::string_view text);
-
 }  // namespace sinew

@@ -317,8 +317,10 @@ TEST(ParseBvh, says_what_it_repairs) {
             "W_BVH_TEXT_IN_MOTION: small.bvh:23: a comment between or after the rows; it is skipped");
   EXPECT_EQ(warning_of(kText + "that's all\nfolks\n", 3),
             "W_BVH_TEXT_IN_MOTION: small.bvh:22: found 'that's' after the last row; the rest is ignored");
-  EXPECT_EQ(warning_of(kText + "1.0 2.0 3.", 3),
-            "W_BVH_CUT_ROW: small.bvh:22: the file ends inside a row; that row is left out");
+  for (const std::string cut : {"1.0 2.0 3.", "1.0 2.0 -", "1.0 2.0 1e", "1 2 3 4 5 6 7 8 -", "-"}) {
+    EXPECT_EQ(warning_of(kText + cut, 3),
+              "W_BVH_CUT_ROW: small.bvh:22: the file ends inside a row; that row is left out");
+  }
   EXPECT_EQ(warning_of(replaced(kHierarchy, "10.0", "1000") + motion("3", good_time, kRows), 3),
             "W_BVH_ROOT_AT_ORIGIN: small.bvh:19: the root starts at (1.5, 11, -2.25) though its OFFSET is "
             "(0.5, 1000, 0); positions replace OFFSET");

@@ -101,6 +101,7 @@ TEST(Resample, an_even_motion_stays_even) {
 TEST(Resample, ends_with_the_last_instant_not_after_the_clips_end) {
   EXPECT_EQ(resample(waving(11, 10), 3).frame_count, 4);      // 0, 1/3, 2/3, 1 s: the end exactly
   EXPECT_EQ(resample(waving(10, 10), 3).frame_count, 3);      // 0, 1/3, 2/3 of 0.9 s
+  EXPECT_EQ(resample(waving(31, 30), 29).frame_count, 30);    // the end again, though 30 / (30 / 29) < 29 in doubles
   EXPECT_EQ(resample(waving(1, 10), 1000).frame_count, 1);
   EXPECT_EQ(resample(waving(0, 10), 1000).frame_count, 0);
 }

@@ -74,6 +74,8 @@ TEST(ForwardKinematics, agrees_with_the_world_matrices) {
   }
   EXPECT_NEAR(pose.scales[0], 2.0, 1e-13);
   EXPECT_NEAR(pose.scales[1], 2.0 * std::cbrt(1.5), 1e-13);
+  EXPECT_NEAR(pose.scales[2], 2.0 * std::cbrt(1.5), 1e-13);
+  EXPECT_NEAR(pose.scales[3], 2.0, 1e-13);
 }
 
 TEST(ForwardKinematics, without_scale_multiplies_to_what_the_matrices_say) {
@@ -121,8 +123,9 @@ TEST(ForwardKinematics, refuses_another_number_of_transforms) {
 std::vector<Pose> twisting(const std::vector<double>& parent_degrees, const std::vector<double>& twist_degrees) {
   std::vector<Pose> poses;
   for (std::size_t frame = 0; frame < twist_degrees.size(); ++frame) {
-    Pose pose{{{0, 0, 0}, {1, 0, 0}}, {turn_about_x(parent_degrees[frame]), {}}, {1.0, 1.0}};
-    pose.rotations[1] = turn_about_x(parent_degrees[frame] + twist_degrees[frame]);
+    Pose pose{{{0, 0, 0}, {1, 0, 0}},
+              {turn_about_x(parent_degrees[frame]), turn_about_x(parent_degrees[frame] + twist_degrees[frame])},
+              {1.0, 1.0}};
     if (frame % 2 == 1) pose.rotations[0].coeffs() *= -1.0;
     if (frame % 3 == 1) pose.rotations[1].coeffs() *= -1.0;
     poses.push_back(pose);
@@ -137,19 +140,21 @@ double twist_of(const Pose& pose) {
 }
 
 TEST(MakeContinuous, lets_a_relative_twist_run_to_350_degrees_without_a_jump) {
-  std::vector<double> parent;
-  std::vector<double> twist;
-  for (int step = 0; step <= 70; ++step) {
-    parent.push_back(-11.0 * step);
-    twist.push_back(5.0 * step);
+  for (const double parent_step : {0.0, -11.0, 200.0}) {  // the body may turn as it likes meanwhile
+    std::vector<double> parent;
+    std::vector<double> twist;
+    for (int step = 0; step <= 70; ++step) {
+      parent.push_back(parent_step * step);
+      twist.push_back(5.0 * step);
+    }
+    std::vector<Pose> poses = twisting(parent, twist);
+    make_continuous(poses, std::vector<int>{-1, 0});
+    for (int step = 0; step <= 70; ++step) EXPECT_NEAR(twist_of(poses[step]), 5.0 * step, 1e-9);
   }
-  std::vector<Pose> poses = twisting(parent, twist);
-  make_continuous(poses, std::vector<int>{-1, 0});
-  for (int step = 0; step <= 70; ++step) EXPECT_NEAR(twist_of(poses[step]), 5.0 * step, 1e-9);
 }
 
 TEST(MakeContinuous, starts_with_real_parts_that_are_not_negative) {
-  std::vector<Pose> poses = twisting({200.0}, {170.0});
+  std::vector<Pose> poses = twisting({100.0}, {100.0});
   for (Eigen::Quaterniond& rotation : poses[0].rotations) rotation.coeffs() *= -1.0;
   make_continuous(poses, std::vector<int>{-1, 0});
   EXPECT_GE(poses[0].rotations[0].w(), 0.0);

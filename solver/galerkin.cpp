@@ -120,6 +120,7 @@ class Slab {
   }
 
   void append_row(int row, LevelMatrix& result) {
+    row_.clear();
     for (int use = transfer_.use_offsets[row]; use < transfer_.use_offsets[row + 1]; ++use)
       add_piece_row(transfer_.uses[use]);
     order_ = columns_.met();
@@ -136,7 +137,6 @@ class Slab {
     }
     result.offsets.push_back(static_cast<int>(result.neighbors.size()));
     columns_.clear();
-    row_.clear();
   }
 
   void add_piece_row(int use) {

@@ -26,7 +26,7 @@ struct VolumeGraphOptions {
   /// 1.25 mean surface edges apart, the spacing 1.44 of them.
   double density = 0.0;
   int max_nodes = 20'000'000;      ///< more is refused before memory is touched
-  std::string tetgen_worker;       ///< path of sinew-tetgen; empty: beside the program or on the PATH
+  std::string tetgen_worker = {};  ///< path of sinew-tetgen; empty: beside the program or on the PATH
   double worker_seconds = 60.0;    ///< wall-clock limit of the worker
   double worker_megabytes = 4096;  ///< memory limit of the worker
 };

@@ -151,10 +151,12 @@ class Conversation {
       std::array<pollfd, 3> waiting = {{{from_worker_.number(), POLLIN, 0},
                                         {messages_.number(), POLLIN, 0},
                                         {to_worker_.number(), POLLOUT, 0}}};
-      // Short naps: a grandchild may keep the streams open after the worker itself has gone.
+      // Short naps: a grandchild may keep the streams open after the worker itself has gone. Asked
+      // before the nap, so that nothing the worker wrote last is missed.
+      const bool exited = has_exited();
       const int ready = poll(waiting.data(), waiting.size(), static_cast<int>(std::min(left * 1000.0 + 1.0, 20.0)));
       if (ready < 0 && errno != EINTR) return std::string("cannot be waited for: ") + std::strerror(errno);
-      if (ready == 0 && has_exited()) break;
+      if (ready == 0 && exited) break;
       if (ready <= 0) continue;
       if (waiting[2].revents != 0) send_input();
       if (waiting[1].revents != 0) receive(messages_, message_, kMessageBytes);

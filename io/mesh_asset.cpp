@@ -127,7 +127,7 @@ double weld(MeshAsset& asset, const std::vector<bool>& referenced, double tolera
   }
   const double diagonal = (high - low).stableNorm();
   if (!std::isfinite(diagonal)) refuse(asset, "coordinates are too far apart to be measured");
-  if (diagonal * tolerance < std::numeric_limits<double>::min()) refuse(asset, "all vertices lie at one point");
+  if (diagonal * tolerance < std::numeric_limits<double>::min()) refuse(asset, "all vertices lie at one point; a mesh needs a surface");
 
   PointGrid grid(low, tolerance * diagonal, static_cast<std::size_t>(source.rows()));
   asset.vertex_of_source.assign(source.rows(), -1);

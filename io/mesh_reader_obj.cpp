@@ -84,7 +84,12 @@ class ObjParser {
     return true;
   }
 
-  static std::string_view without_comment(std::string_view line) { return line.substr(0, line.find('#')); }
+  /// A comment begins like a word: 1.#QNAN, and a name with # in it, are none.
+  static std::string_view without_comment(std::string_view line) {
+    std::size_t at = line.find('#');
+    while (at != line.npos && at > 0 && line[at - 1] != ' ' && line[at - 1] != '\t') at = line.find('#', at + 1);
+    return line.substr(0, at);
+  }
 
   void read_statement(std::string_view keyword, std::string_view rest) {
     if (keyword == "v") return read_vertex(rest);

@@ -76,28 +76,37 @@ class OffParser {
 
   float take_float() { return static_cast<float>(to_number(take_word(line_), here())); }
 
-  void require_words(int expected, const char* item) {
-    const int found = count_words(line_);
-    if (found < expected) {
-      here().fail(std::string(item) + " has " + counted(found, "value", "values") + "; expected " +
-                  std::to_string(expected));
-    }
-  }
-
   void read_vertices() {
     asset_.source_positions.resize(vertex_count_, 3);
     for (int vertex = 0; vertex < vertex_count_; ++vertex) {
       if (!next_line()) {
         here().fail("file ends after " + std::to_string(vertex) + " of " + counted(vertex_count_, "vertex", "vertices"));
       }
-      require_words(3 + 3 * header_.normal + 3 * header_.colour + 2 * header_.texture, "vertex");
+      const int words = count_words(line_);
+      const int expected = 3 + 3 * header_.normal + 3 * header_.colour + 2 * header_.texture;
+      if (words < expected) {
+        here().fail("vertex has " + counted(words, "value", "values") + "; expected " + std::to_string(expected));
+      }
       for (int axis = 0; axis < 3; ++axis) asset_.source_positions(vertex, axis) = to_number(take_word(line_), here());
       if (header_.normal) append(normals_, 3);
       if (header_.colour) append(colours_, 3);
       // A colour may have a fourth number, its alpha.
-      if (header_.texture && count_words(line_) > 2) take_word(line_);
+      if (header_.colour && count_words(line_) % 2 == 1) take_word(line_);
       if (header_.texture) append(textures_, 2);
+      check_rest(words);
     }
+    if (unannounced_ > 0) {
+      asset_.warnings.push_back("W_OFF_COLOURS: " + counted(unannounced_, "colour", "colours") +
+                                " not read because the file does not begin with COFF");
+    }
+  }
+
+  /// Some programs write colours in files that do not announce them.
+  void check_rest(int words) {
+    const int rest = count_words(line_);
+    const bool colour = !header_.colour && (rest == 3 || rest == 4);
+    if (rest > 0 && !colour) here().fail("vertex has " + std::to_string(words) + " values; expected " + std::to_string(words - rest));
+    unannounced_ += colour;
   }
 
   void append(std::vector<float>& values, int count) {
@@ -150,6 +159,7 @@ class OffParser {
   OffHeader header_;
   int vertex_count_ = 0;
   int face_count_ = 0;
+  std::int64_t unannounced_ = 0;  // colours
   std::vector<float> normals_, colours_, textures_;
   std::vector<std::uint32_t> written_;
   PolygonCutter cutter_;

@@ -23,8 +23,10 @@ bool is_binary(std::string_view bytes) {
     std::memcpy(&count, bytes.data() + 80, 4);
     if (bytes.size() == kHeader + kTriangle * count) return true;
   }
-  const std::string_view start = trimmed(bytes.substr(0, 512));
-  return !equal_ignoring_case(start.substr(0, 5), "solid") || start.find('\0') != start.npos;
+  LineReader lines(bytes.substr(0, 512));  // which steps over a byte order mark
+  lines.next();
+  const std::string_view start = trimmed(lines.line());
+  return !equal_ignoring_case(start.substr(0, 5), "solid") || bytes.substr(0, 512).find('\0') != bytes.npos;
 }
 
 void set_positions(MeshAsset& asset, const std::vector<Eigen::Vector3d>& positions) {

@@ -10,6 +10,7 @@
 #include <initializer_list>
 #include <map>
 #include <optional>
+#include <stdexcept>
 
 #include "io/atomic_file.h"
 #include "io/file_error.h"
@@ -275,6 +276,19 @@ std::string string_text(std::string_view value) {
   return text + "\"";
 }
 
+/// What check_rig_skeleton() asks, and names that tell joints apart.
+void check_names(const RigSkeleton& rig) {
+  check_rig_skeleton(rig, "to_rig_text");
+  std::map<std::string, int> joint_of_name;
+  for (int joint = 0; joint < rig.joint_count(); ++joint) {
+    const std::string& name = rig.joints[joint].name;
+    if (name.empty()) throw std::invalid_argument("to_rig_text: joint " + std::to_string(joint) + " has no name");
+    if (!joint_of_name.emplace(name, joint).second) {
+      throw std::invalid_argument("to_rig_text: two joints are named " + in_quotes(name));
+    }
+  }
+}
+
 std::string joint_text(const RigJoint& joint, const RigSkeleton& rig) {
   std::string text = "\n[[joint]]\nname = " + string_text(joint.name) + "\n";
   if (joint.parent >= 0) text += "parent = " + string_text(rig.joints[joint.parent].name) + "\n";
@@ -311,7 +325,7 @@ RigSkeleton read_rig(const std::filesystem::path& path) {
 }
 
 std::string to_rig_text(const RigSkeleton& rig) {
-  check_rig_skeleton(rig, "to_rig_text");
+  check_names(rig);
   std::string text = "schema = " + string_text(kSchema) + "\n";
   if (!rig.mesh.empty()) text += "mesh = " + string_text(rig.mesh) + "\n";
   text += "up = " + direction_text(rig.up) + "\nfront = " + direction_text(rig.front) + "\n";

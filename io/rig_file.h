@@ -12,7 +12,8 @@ namespace sinew {
 RigSkeleton read_rig(const std::filesystem::path& path);
 RigSkeleton parse_rig(std::string_view text, const std::filesystem::path& name);
 
-/// The rig file's text; reading it back gives the same rig.
+/// The rig file's text; reading it back gives the same rig. Throws std::invalid_argument when the rig breaks its
+/// invariants or two joints share a name, which a file could not say.
 std::string to_rig_text(const RigSkeleton& rig);
 
 }  // namespace sinew

@@ -173,12 +173,13 @@ class GroupSolve {
     }
   }
 
-  // Not a number stays so: it must not pass for small.
+  // What is not a number must not pass for small.
   double worst_residual() const {
     double worst = 0;
     for (int c = 0; c < width_; ++c) {
       const double relative = size_[c] != 0 ? std::sqrt(residual_size_[c] / size_[c]) : 0.0;
-      if (!(relative <= worst)) worst = relative;
+      if (std::isnan(relative)) return relative;
+      worst = std::max(worst, relative);
     }
     return worst;
   }
@@ -323,7 +324,7 @@ SolveReport MultigridSolver::solve(const Eigen::Ref<const Columns>& b, Eigen::Re
                               : width == 8 ? members_->solve_group<8>(b, x, first, options, own)
                                            : members_->solve_group<16>(b, x, first, options, own);
     report.cycles = std::max(report.cycles, group.cycles);
-    if (!(group.residual <= report.residual)) report.residual = group.residual;
+    if (!(group.residual <= report.residual)) report.residual = group.residual;  // not a number stays
     report.converged = report.converged && group.converged;
     first += width;
   }

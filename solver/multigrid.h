@@ -11,7 +11,7 @@
 namespace sinew {
 
 struct MultigridOptions {
-  HierarchyOptions hierarchy;       ///< which coarse levels, and how small the last one is
+  HierarchyOptions hierarchy = {};  ///< which coarse levels, and how small the last one is
   int smoothing_sweeps = 2;         ///< Gauss-Seidel sweeps before and after each coarse correction
   bool conjugate_gradients = true;  ///< each cycle preconditions one step of flexible CG
 };

@@ -1,11 +1,11 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
 #include <numbers>
-#include <unordered_map>
 #include <vector>
 
 #include "solver/laplacian.h"
@@ -93,29 +93,30 @@ inline Body beside(const Body& left, const Body& right) {
   return body;
 }
 
-/// Positive inside, as a signed distance; `unit` shapes fit into [-1, 1]^3.
-using Shape = std::function<double(const Eigen::Vector3d&)>;
+/// Whether a point is inside; the shapes here fit into [-1, 1]^3.
+using Shape = std::function<bool(const Eigen::Vector3d&)>;
 
-inline double capsule(const Eigen::Vector3d& x, const Eigen::Vector3d& a, const Eigen::Vector3d& b, double radius) {
-  const double t = std::clamp((x - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
-  return radius - (x - a - t * (b - a)).norm();
-}
+struct Capsule {
+  Eigen::Vector3d a, b;
+  double radius;
+  bool holds(const Eigen::Vector3d& x) const {
+    const Eigen::Vector3d axis = b - a;
+    const double t = std::clamp((x - a).dot(axis) / axis.squaredNorm(), 0.0, 1.0);
+    return (x - a - t * axis).squaredNorm() < radius * radius;
+  }
+};
 
-inline double ball(const Eigen::Vector3d& x) { return 1 - x.norm(); }
+inline bool ball(const Eigen::Vector3d& x) { return x.squaredNorm() < 1; }
 
-inline double dumbbell(const Eigen::Vector3d& x) {
-  return std::max({capsule(x, {-0.6, 0, 0}, {0.6, 0, 0}, 0.12), 0.38 - (x - Eigen::Vector3d(-0.6, 0, 0)).norm(),
-                   0.38 - (x - Eigen::Vector3d(0.6, 0, 0)).norm()});
+inline bool dumbbell(const Eigen::Vector3d& x) {
+  const Eigen::Vector3d end(0.6, 0, 0);
+  return (x - end).norm() < 0.38 || (x + end).norm() < 0.38 || Capsule{-end, end, 0.12}.holds(x);
 }
 
 /// A standing figure: trunk, head, two arms with three fingers each, two legs close to each other.
-struct Limb {
-  Eigen::Vector3d a, b;
-  double radius;
-};
-inline const std::vector<Limb>& figure_limbs() {
-  static const std::vector<Limb> limbs = [] {
-    std::vector<Limb> all = {{{0, -0.05, 0}, {0, 0.35, 0}, 0.17}, {{0, 0.5, 0}, {0, 0.78, 0}, 0.13}};
+inline const std::vector<Capsule>& figure_limbs() {
+  static const std::vector<Capsule> limbs = [] {
+    std::vector<Capsule> all = {{{0, -0.05, 0}, {0, 0.35, 0}, 0.17}, {{0, 0.5, 0}, {0, 0.78, 0}, 0.13}};
     for (const double side : {-1.0, 1.0}) {
       all.push_back({{side * 0.15, 0.42, 0}, {side * 0.5, 0.42, 0}, 0.07});
       all.push_back({{side * 0.5, 0.42, 0}, {side * 0.8, 0.42, 0.1}, 0.055});
@@ -128,50 +129,61 @@ inline const std::vector<Limb>& figure_limbs() {
   }();
   return limbs;
 }
-inline double figure(const Eigen::Vector3d& x) {
-  double inside = -1;
-  for (const Limb& limb : figure_limbs()) inside = std::max(inside, capsule(x, limb.a, limb.b, limb.radius));
-  return inside;
+inline bool figure(const Eigen::Vector3d& x) {
+  for (const Capsule& limb : figure_limbs())
+    if (limb.holds(x)) return true;
+  return false;
 }
 /// Inside the joint balls of the figure: the ends of its limbs.
 inline bool figure_joint(const Eigen::Vector3d& x) {
-  for (const Limb& limb : figure_limbs())
+  for (const Capsule& limb : figure_limbs())
     if ((x - limb.a).norm() < 0.5 * limb.radius || (x - limb.b).norm() < 0.5 * limb.radius) return true;
   return false;
 }
+inline bool far_out(const Eigen::Vector3d& x) { return std::abs(x[0]) > 0.85; }
+
+/// Node numbers of a body-centred cubic lattice. Places have doubled coordinates: all even or all odd.
+class BccNumbers {
+ public:
+  explicit BccNumbers(int reach) : reach_(reach), side_(reach + 2) {
+    numbers_.assign(2 * static_cast<std::size_t>(side_) * side_ * side_, -1);
+  }
+  int& at(int i, int j, int k) {
+    const auto cell = [this](int c) { return static_cast<std::size_t>((c + reach_ + 2) / 2); };
+    return numbers_[2 * ((cell(i) * side_ + cell(j)) * side_ + cell(k)) + static_cast<std::size_t>(i & 1)];
+  }
+
+ private:
+  int reach_;
+  std::size_t side_;
+  std::vector<int> numbers_;
+};
 
 /// Nodes of a body-centred cubic lattice inside a shape: 14 neighbors inside, as a volume graph has.
-/// `about` nodes; pinned where `held` says so, or in the two ends along x when it says nowhere.
-inline Body bcc_body(const Shape& inside, int about, const std::function<bool(const Eigen::Vector3d&)>& held) {
-  // Count on a coarse grid first to learn the volume; the lattice has two nodes per cube.
+/// `about` nodes, pinned where `held` says.
+inline Body bcc_body(const Shape& inside, int about, const Shape& held) {
+  // Probe points first, to learn the volume; the lattice has two nodes per cube.
   constexpr int kProbe = 60;
   int hits = 0;
   for (int i = 0; i < kProbe * kProbe * kProbe; ++i) {
     const Eigen::Vector3d x(i % kProbe, i / kProbe % kProbe, i / kProbe / kProbe);
-    hits += inside((x.array() + 0.5).matrix() * (2.0 / kProbe) - Eigen::Vector3d::Ones()) > 0 ? 1 : 0;
+    hits += inside((x.array() + 0.5).matrix() * (2.0 / kProbe) - Eigen::Vector3d::Ones()) ? 1 : 0;
   }
-  const double volume = 8.0 * hits / (kProbe * kProbe * kProbe);
-  const double cube = std::cbrt(2 * volume / about);
-  const int half = static_cast<int>(1 / cube) + 2;
+  const double cube = std::cbrt(2 * 8.0 * hits / (kProbe * kProbe * kProbe) / about);
+  const int reach = 2 * (static_cast<int>(1 / cube) + 2);
 
-  // Doubled coordinates: all even or all odd.
-  const int side = 4 * half + 4;
-  const auto key = [&](int i, int j, int k) {
-    return (static_cast<long long>(i + 2 * half + 1) * side + (j + 2 * half + 1)) * side + (k + 2 * half + 1);
-  };
-  std::unordered_map<long long, int> node_at;
+  BccNumbers number(reach);
   std::vector<std::array<int, 3>> places;
-  for (int i = -2 * half; i <= 2 * half; ++i)
-    for (int j = -2 * half; j <= 2 * half; ++j)
-      for (int k = -2 * half; k <= 2 * half; ++k) {
-        if ((i & 1) != (j & 1) || (j & 1) != (k & 1)) continue;
-        if (inside(Eigen::Vector3d(i, j, k) * (cube / 2)) <= 0) continue;
-        node_at.emplace(key(i, j, k), static_cast<int>(places.size()));
-        places.push_back({i, j, k});
-      }
+  for (int i = -reach; i <= reach; ++i)
+    for (int j = -reach + ((i ^ reach) & 1); j <= reach; j += 2)
+      for (int k = -reach + ((i ^ reach) & 1); k <= reach; k += 2)
+        if (inside(Eigen::Vector3d(i, j, k) * (cube / 2))) {
+          number.at(i, j, k) = static_cast<int>(places.size());
+          places.push_back({i, j, k});
+        }
   std::vector<Edge> edges;
   const auto join = [&](int own, int i, int j, int k) {
-    if (const auto found = node_at.find(key(i, j, k)); found != node_at.end()) edges.push_back({own, found->second, 1.0});
+    if (const int other = number.at(i, j, k); other >= 0) edges.push_back({own, other, 1.0});
   };
   Body body;
   const int n = static_cast<int>(places.size());
@@ -181,7 +193,7 @@ inline Body bcc_body(const Shape& inside, int about, const std::function<bool(co
     const auto [i, j, k] = places[node];
     const Eigen::Vector3d x = Eigen::Vector3d(i, j, k) * (cube / 2);
     body.positions.row(node) = x.transpose();
-    body.pinned[node] = held ? held(x) : std::abs(x[0]) > 0.85;
+    body.pinned[node] = held(x) ? 1 : 0;
     for (const int s : {-1, 1})
       for (const int t : {-1, 1}) join(node, i + 1, j + s, k + t);
     join(node, i + 2, j, k);
@@ -193,8 +205,8 @@ inline Body bcc_body(const Shape& inside, int about, const std::function<bool(co
 }
 
 inline Body bcc_figure(int about) { return bcc_body(figure, about, figure_joint); }
-inline Body bcc_dumbbell(int about) { return bcc_body(dumbbell, about, {}); }
-inline Body bcc_ball(int about) { return bcc_body(ball, about, {}); }
+inline Body bcc_dumbbell(int about) { return bcc_body(dumbbell, about, far_out); }
+inline Body bcc_ball(int about) { return bcc_body(ball, about, far_out); }
 
 /// A body bent: the equations of its free nodes, and for every edge the vector it wants.
 struct Problem {
@@ -221,7 +233,9 @@ inline Problem bent(const Body& body) {
 
   const double size = body.positions.cwiseAbs().maxCoeff();
   const auto place = [&](int node) -> Eigen::Vector3d { return body.positions.row(node).transpose(); };
-  const auto turn = [&](int node) { return bend(body.positions.row(node), size); };
+  std::vector<Eigen::Matrix3d> turns;
+  for (int node = 0; node < all; ++node) turns.push_back(bend(body.positions.row(node), size));
+  const auto turn = [&](int node) -> const Eigen::Matrix3d& { return turns[node]; };
   const auto target = [&](int i, int j) -> Eigen::RowVector3d {
     return (0.5 * (turn(i) + turn(j)) * (place(i) - place(j))).transpose();
   };

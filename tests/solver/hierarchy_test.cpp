@@ -1,0 +1,145 @@
+#include "solver/hierarchy.h"
+
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "graphs.h"
+#include "refusal.h"
+#include "solver/galerkin.h"
+#include "solver/hierarchy_levels.h"
+#include "solver/lattice_coarsening.h"
+
+namespace sinew {
+namespace {
+
+Eigen::MatrixXd dense(const PieceTransfer& transfer) {
+  Eigen::MatrixXd P = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(transfer.nodes.size()), transfer.coarse_count);
+  float weights[8];
+  for (int piece = 0; piece < transfer.piece_count(); ++piece)
+    for (int entry = transfer.piece_offsets[piece]; entry < transfer.piece_offsets[piece + 1]; ++entry) {
+      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], weights);
+      for (int k = 0; k < 8; ++k)
+        if (const int corner = transfer.corners[8 * static_cast<std::size_t>(piece) + k];
+            corner < transfer.coarse_count)
+          P(transfer.nodes[entry], corner) += weights[k];
+    }
+  return P;
+}
+
+Hierarchy hierarchy_of(const graphs::Body& body, const HierarchyOptions& options) {
+  ThreadTeam team(1);
+  return Hierarchy(graphs::bent(body).system, options, team);
+}
+
+TEST(Hierarchy, the_first_transfer_reproduces_linear_functions) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_figure(3000));
+  ThreadTeam team(1);
+  const Hierarchy hierarchy(problem.system, {.coarsest_size = 100}, team);
+  LevelMatrix finest = hierarchy.members().matrices.front();
+  const double cell = 2.75 * mean_edge_length(finest, problem.system.rest_positions);
+  const PieceCoarsening coarse = coarsen_by_lattice(finest, problem.system.rest_positions, cell);
+  const Eigen::MatrixXd P = dense(coarse.transfer);
+  EXPECT_LT((P.rowwise().sum().array() - 1).abs().maxCoeff(), 1e-6);
+  const Eigen::RowVector3d origin = problem.system.rest_positions.colwise().minCoeff();
+  const Field3 interpolated = (P * coarse.positions * cell).rowwise() + origin;
+  EXPECT_LT((interpolated - problem.system.rest_positions).cwiseAbs().maxCoeff(), 1e-5);
+}
+
+TEST(Hierarchy, every_coarse_matrix_is_the_galerkin_product) {
+  for (const graphs::Body& body : {graphs::bcc_figure(2500), graphs::sheet(40, 40), graphs::star(3, 300)}) {
+    const Hierarchy hierarchy = hierarchy_of(body, {.coarsest_size = 60});
+    const Hierarchy::Members& members = hierarchy.members();
+    ASSERT_GE(members.matrices.size(), 3u);
+    for (std::size_t level = 0; level + 1 < members.matrices.size(); ++level) {
+      const Eigen::MatrixXd A = to_sparse(members.matrices[level]);
+      const Eigen::MatrixXd coarse = to_sparse(members.matrices[level + 1]);
+      const Eigen::MatrixXd P = dense(*members.transfers[level].pieces);
+      EXPECT_LT((P.transpose() * A * P - coarse).norm(), 1e-6 * coarse.norm()) << "level " << level;
+      EXPECT_EQ((coarse - coarse.transpose()).norm(), 0.0);
+    }
+  }
+}
+
+TEST(Hierarchy, parts_that_merely_pass_near_each_other_share_no_coarse_node) {
+  graphs::Body body = graphs::beside(graphs::sheet(30, 30), graphs::sheet(30, 30));
+  body.positions.bottomRows(900).col(2).array() += 0.4;  // a thin gap, well inside one cell
+  const graphs::Problem problem = graphs::bent(body);
+  const Components components = connected_components(problem.system.graph);
+  ThreadTeam team(1);
+  const Hierarchy hierarchy(problem.system, {.coarsest_size = 50}, team);
+  Eigen::MatrixXd P = dense(*hierarchy.members().transfers[0].pieces);
+  for (std::size_t level = 1; level < hierarchy.members().transfers.size(); ++level)
+    P = P * dense(*hierarchy.members().transfers[level].pieces);
+  for (Eigen::Index c = 0; c < P.cols(); ++c) {
+    double weight[2] = {0, 0};
+    for (Eigen::Index i = 0; i < P.rows(); ++i) weight[components.component[i]] += P(i, c);
+    EXPECT_EQ(std::min(weight[0], weight[1]), 0.0) << "coarse node " << c;
+  }
+}
+
+TEST(Hierarchy, sweep_blocks_reach_only_their_neighbors) {
+  const Hierarchy hierarchy = hierarchy_of(graphs::bcc_dumbbell(40000), {.coarsest_size = 500});
+  EXPECT_GT(hierarchy.members().matrices.front().sweep_blocks.size(), 4u);
+  for (const LevelMatrix& matrix : hierarchy.members().matrices) {
+    std::vector<int> block_of(static_cast<std::size_t>(matrix.size()));
+    ASSERT_EQ(matrix.sweep_blocks.front(), 0);
+    ASSERT_EQ(matrix.sweep_blocks.back(), matrix.size());
+    for (std::size_t block = 0; block + 1 < matrix.sweep_blocks.size(); ++block)
+      for (int i = matrix.sweep_blocks[block]; i < matrix.sweep_blocks[block + 1]; ++i)
+        block_of[i] = static_cast<int>(block);
+    for (int i = 0; i < matrix.size(); ++i)
+      for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
+        ASSERT_LE(std::abs(block_of[i] - block_of[matrix.neighbors[k]]), 1);
+  }
+}
+
+TEST(Hierarchy, coarsens_by_more_than_five_and_stays_small) {
+  const Hierarchy hierarchy = hierarchy_of(graphs::bcc_figure(60000), {});
+  const std::vector<LevelSummary> levels = hierarchy.levels();
+  ASSERT_GE(levels.size(), 2u);
+  EXPECT_LT(5 * levels[1].nodes, levels[0].nodes);
+  EXPECT_LE(levels.back().nodes, 2000);
+  std::size_t bytes = 0;
+  for (const LevelSummary& level : levels) bytes += level.bytes;
+  EXPECT_EQ(bytes, hierarchy.bytes());
+  EXPECT_LT(bytes, static_cast<std::size_t>(levels[0].nodes) * 250);
+}
+
+TEST(Hierarchy, prints_its_levels) {
+  std::ostringstream out;
+  out << hierarchy_of(graphs::path(12), {});
+  EXPECT_EQ(out.str(),
+            "level      nodes      entries        bytes\n"
+            "    0         10           18          472\n"
+            "operator complexity 1, last level factored\n");
+  std::ostringstream large;
+  large << hierarchy_of(graphs::path(30002), {.max_levels = 1});
+  EXPECT_NE(large.str().find("last level swept: too large to factor"), std::string::npos);
+}
+
+TEST(Hierarchy, the_same_for_any_team) {
+  const LinearSystem system = graphs::bent(graphs::bcc_figure(150000)).system;
+  ThreadTeam one(1), three(3);
+  const Hierarchy first(system, {}, one), second(system, {}, three);
+  ASSERT_EQ(first.members().matrices.size(), second.members().matrices.size());
+  for (std::size_t level = 0; level < first.members().matrices.size(); ++level) {
+    EXPECT_EQ(first.members().matrices[level].neighbors, second.members().matrices[level].neighbors);
+    EXPECT_EQ(first.members().matrices[level].weights, second.members().matrices[level].weights);
+    EXPECT_EQ(first.members().matrices[level].diagonal, second.members().matrices[level].diagonal);
+  }
+}
+
+TEST(Hierarchy, refuses_options_and_systems_it_cannot_use) {
+  ThreadTeam team(1);
+  LinearSystem system = graphs::bent(graphs::path(12)).system;
+  EXPECT_EQ(refusal([&] { Hierarchy(system, {.coarsest_size = 0}, team); }),
+            "Hierarchy: coarsest_size is 0; expected at least 1");
+  EXPECT_EQ(refusal([&] { Hierarchy(system, {.max_levels = 0}, team); }),
+            "Hierarchy: max_levels is 0; expected at least 1");
+  system.rest_positions.resize(4, 3);
+  EXPECT_EQ(refusal([&] { Hierarchy(system, {}, team); }), "Hierarchy: rest_positions has 4 rows; expected 10");
+}
+
+}  // namespace
+}  // namespace sinew

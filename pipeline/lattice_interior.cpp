@@ -32,6 +32,12 @@ constexpr int kLinksPerVertex = 4;
 constexpr double kReach = 1.6 * kNearestNeighbor;
 constexpr double kFarReach = 2.5;
 
+/// Without a spacing or density asked for: how far apart the nearest neighbors are, in mean surface
+/// edges, and the most nodes a surface vertex. Finer does not deform better, coarser breaks wrists; where
+/// a surface is so dense that this gives very many nodes, limbs are many nodes thick anyway.
+constexpr double kDefaultEdges = 1.25;
+constexpr double kMostDensity = 5.0;
+
 /// How far in front of a vertex and behind it we look for the inside, in spacings.
 constexpr double kProbe = 1e-3;
 
@@ -217,8 +223,9 @@ std::vector<Edge> join_lattice(const Lattice& lattice, const LatticeNodes& kept,
           const int other = kept.find(lattice, x + dx, y + dy, z + dz);
           if (other < 0) continue;
           // No surface lies within `depth` of a node, so where the two balls meet none lies between.
+          // Lids over holes may: depths do not know them.
           const double length = (dx == 1 ? kNearestNeighbor : 1.0) * lattice.spacing;
-          const bool clear = kept.nodes[node].depth + kept.nodes[other].depth > length;
+          const bool clear = solid.closed() && kept.nodes[node].depth + kept.nodes[other].depth > length;
           if (!clear && solid.crosses(lattice.position(x, y, z), lattice.position(x + dx, y + dy, z + dz))) continue;
           rows[x].push_back({first_node + node, first_node + other, 1.0});
         }
@@ -277,14 +284,15 @@ class SurfaceLinker {
     Vector3d position;
   };
 
-  /// Links to at most `wanted` of the nearest nodes within `reach` spacings whose inside is confirmed.
+  /// Links to at most `wanted` of the nearest nodes within `reach` spacings to which the way is inside.
   bool link_below(int vertex, const Vector3d& from, const Vector3d& outward, double reach, int wanted,
                   std::vector<Edge>& edges) const {
     thread_local std::vector<Candidate> candidates;
     find_candidates(from, outward, reach * lattice_.spacing, candidates);
     int found = 0;
     for (const Candidate& candidate : candidates) {
-      if (!is_inside(from, candidate.position)) continue;
+      // A way that starts inside, at the node, and crosses nothing is inside up to the vertex.
+      if (solid_.crosses(candidate.position, from)) continue;
       edges.push_back({vertex, mesh_.vertex_count() + candidate.node, 1.0});
       if (++found == wanted) break;
     }
@@ -352,12 +360,6 @@ class SurfaceLinker {
       return true;
     }
     return false;
-  }
-
-  /// From a vertex towards a node inside, a link that crosses nothing has stayed inside; unless the
-  /// surface has holes to slip through.
-  bool is_inside(const Vector3d& from, const Vector3d& to) const {
-    return !solid_.crosses(from, to) && (solid_.closed() || solid_.contains((from + to) / 2.0));
   }
 
   const TriMesh& mesh_;
@@ -460,7 +462,10 @@ InsideSamples sample_inside(const BoundingBox& box, const Solid& solid, ThreadTe
   return samples;
 }
 
-double spacing_for_count(const InsideSamples& samples, double wanted) {
+/// Spacing at which about `density` nodes a surface vertex fit inside; 0 when nothing is inside.
+double spacing_for_density(const TriMesh& mesh, const Solid& solid, double density, ThreadTeam& team) {
+  const InsideSamples samples = sample_inside(bounds(mesh), solid, team);
+  const double wanted = density * mesh.vertex_count();
   // Without its clearance the lattice would hold more nodes, so this spacing is too wide or just right.
   double wide = std::cbrt(2.0 * samples.volume() / wanted);
   double narrow = wide / 16.0;
@@ -469,6 +474,13 @@ double spacing_for_count(const InsideSamples& samples, double wanted) {
     (samples.node_count(middle) > wanted ? narrow : wide) = middle;
   }
   return wide;
+}
+
+double default_spacing(const TriMesh& mesh, const Solid& solid, ThreadTeam& team) {
+  const double spacing = kDefaultEdges * mean_edge_length(mesh) / kNearestNeighbor;
+  const double most_nodes = 2.0 * std::abs(enclosed_volume(mesh, mesh.positions)) / (spacing * spacing * spacing);
+  if (!(most_nodes > kMostDensity * mesh.vertex_count())) return spacing;
+  return std::max(spacing, spacing_for_density(mesh, solid, kMostDensity, team));
 }
 
 void check_option(const char* name, double value) {
@@ -502,17 +514,13 @@ double lattice_spacing(const TriMesh& mesh, const Solid& solid, const VolumeGrap
                        ThreadTeam& team) {
   check_option("spacing", options.spacing);
   check_option("density", options.density);
-  const BoundingBox box = bounds(mesh);
   double spacing = options.spacing;
-  if (spacing == 0.0 && options.density > 0.0) {
-    const InsideSamples samples = sample_inside(box, solid, team);
-    if (!samples.depths.empty()) spacing = spacing_for_count(samples, options.density * mesh.vertex_count());
-  }
-  if (spacing == 0.0) spacing = 1.25 * mean_edge_length(mesh) / kNearestNeighbor;
+  if (spacing == 0.0 && options.density > 0.0) spacing = spacing_for_density(mesh, solid, options.density, team);
+  if (spacing == 0.0) spacing = default_spacing(mesh, solid, team);
   if (!(spacing > 0.0)) {
     throw UnusableInput("volume graph: all triangles of the mesh are single points; expected a surface");
   }
-  check_node_count(box, solid, spacing, options.max_nodes, team);
+  check_node_count(bounds(mesh), solid, spacing, options.max_nodes, team);
   return spacing;
 }
 

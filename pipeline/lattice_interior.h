@@ -18,8 +18,7 @@ struct InteriorNodes {
 };
 
 /// Lattice constant that `options` ask for: `spacing` itself, or the one at which about `density`
-/// nodes a surface vertex fit inside, or such that the nearest lattice neighbors are 1.25 mean
-/// surface edges apart. Throws std::invalid_argument on a negative or infinite option, UnusableInput
+/// nodes a surface vertex fit inside, or the default that VolumeGraphOptions describes. Throws std::invalid_argument on a negative or infinite option, UnusableInput
 /// when the mesh has no extent or more than max_nodes nodes are to be expected.
 double lattice_spacing(const TriMesh& mesh, const Solid& solid, const VolumeGraphOptions& options,
                        ThreadTeam& team);
@@ -28,8 +27,9 @@ double lattice_spacing(const TriMesh& mesh, const Solid& solid, const VolumeGrap
 ///
 /// A node stays 0.3 spacings away from the surface. A surface vertex is joined to the 4 nearest nodes
 /// below it, or, where none fits, to the vertex on the opposite side of the body. Where a surface
-/// overlaps itself, as thighs do, nothing is put: it would glue the two sides. Nodes that no surface vertex reaches are dropped.
-/// Nodes come in scan order, the same for any team. O(nodes log nodes + vertices).
+/// overlaps itself, as thighs do, nothing is put: it would glue the two sides. Nodes that no surface
+/// vertex reaches are dropped. Nodes come in scan order, the same for any team. O(nodes log nodes +
+/// vertices log triangles).
 InteriorNodes fill_with_lattice(const TriMesh& mesh, const Solid& solid, double spacing, ThreadTeam& team);
 
 }  // namespace sinew

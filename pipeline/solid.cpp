@@ -148,6 +148,15 @@ void collect_hits(const TriangleSet& set, const Segment& segment, std::vector<Hi
   rtcIntersect1(set.scene.get(), &query.context, &ray);
 }
 
+/// Whether the segment, but for its very ends, meets a triangle.
+bool meets(const TriangleSet& set, const Segment& segment) {
+  if (!set.scene) return false;
+  RayQuery query = make_query(set, segment, confirm_crossing);
+  RTCRay ray = make_ray(segment);
+  rtcOccluded1(set.scene.get(), &query.context, &ray);
+  return ray.tfar < 0.0f;  // how Embree says that something was hit
+}
+
 Vector3d nearest_on_edge(const Vector3d& point, const Vector3d& a, const Vector3d& b) {
   const Vector3d edge = b - a;
   const double length = edge.squaredNorm();
@@ -418,11 +427,8 @@ Vector3d Solid::nearest(const Vector3d& point) const {
 
 bool Solid::crosses(const Vector3d& a, const Vector3d& b) const {
   const Segment segment = members_->unit_segment(a, b);
-  if (members_->empty() || !(segment.length > 0.0)) return false;
-  RayQuery query = make_query(members_->surface, segment, confirm_crossing);
-  RTCRay ray = make_ray(segment);
-  rtcOccluded1(members_->surface.scene.get(), &query.context, &ray);
-  return ray.tfar < 0.0f;  // how Embree says that something was hit
+  if (!(segment.length > 0.0)) return false;
+  return meets(members_->surface, segment) || meets(members_->lids, segment);
 }
 
 void Solid::crossings(const Vector3d& a, const Vector3d& b, std::vector<Crossing>& found) const {

@@ -20,8 +20,8 @@ struct Crossing {
 ///
 /// Inside is where the winding number is not 0, which is also right where limbs overlap. An open
 /// surface has no winding number, so every hole is closed by a lid, a fan of triangles round the
-/// middle of its rim; a triangle turned the wrong way counts as a hole closed twice. Lids decide
-/// inside and outside and nothing else: distances and crosses() ignore them.
+/// middle of its rim; a triangle turned the wrong way counts as a hole closed twice. Lids bound the
+/// inside like the surface itself; only distances ignore them.
 ///
 /// Positions are scaled to the unit box, so size and place of the mesh do not matter. Queries are
 /// const and safe from several threads. Built on Embree, whose single-precision answers are only
@@ -49,9 +49,10 @@ class Solid {
   /// The nearest point of the surface; `point` itself for an empty mesh.
   Eigen::Vector3d nearest(const Eigen::Vector3d& point) const;
 
-  /// Whether the open segment between the two points crosses the surface. The ends may lie on it: a
-  /// share of 1e-6 of the segment is left out at each. A segment within the plane of a triangle
-  /// does not cross that triangle.
+  /// Whether the open segment between the two points crosses the surface or a lid: where it does not,
+  /// it is inside all along or outside all along. The ends may lie on the surface: a share of 1e-6
+  /// of the segment is left out at each. A segment within the plane of a triangle does not cross
+  /// that triangle.
   bool crosses(const Eigen::Vector3d& a, const Eigen::Vector3d& b) const;
 
   /// Every place where the segment from a to b crosses the surface or a lid, by ascending share.

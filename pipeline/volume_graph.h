@@ -23,7 +23,8 @@ struct VolumeGraphOptions {
   /// away and 6 are all of it away. 0: from `density`. Tetrahedra are made about as fine.
   double spacing = 0.0;
   /// Interior nodes wanted per surface vertex, met within 10 %; 0: the nearest lattice neighbors are
-  /// 1.25 mean surface edges apart, the spacing 1.44 of them.
+  /// 1.25 mean surface edges apart (the spacing is 1.44 of them), or wider if that would be more
+  /// than 5 nodes a vertex.
   double density = 0.0;
   int max_nodes = 20'000'000;      ///< more is refused before memory is touched
   std::string tetgen_worker = {};  ///< path of sinew-tetgen; empty: beside the program or on the PATH
@@ -48,12 +49,14 @@ struct VolumeGraph {
 
 /// Fills `mesh`, of which `solid` was made, with interior nodes. Weights are uniform.
 ///
-/// Edges never leave the body: a link whose inside cannot be confirmed is dropped, and so is every
-/// interior node that no surface vertex reaches: the graph is connected as the surface is, save
-/// where parts share an inside. When tetrahedra cannot be had the lattice takes their place, with the
-/// warning W_TETGEN_FALLBACK; W_NO_INTERIOR says that no lattice node fits. Linear in the number of nodes. Throws UnusableInput when the mesh has no triangles, a coordinate is not
-/// finite, or more than max_nodes nodes are to be expected; std::invalid_argument on a negative
-/// option or a triangle that names no vertex. After [Zhou et al. 2005], which Shi 2006 builds on.
+/// No edge to or among interior nodes leaves the body, and an interior node that no surface vertex
+/// reaches is dropped: the graph is connected as the surface is, save where parts share an inside.
+/// When tetrahedra cannot be had the lattice takes their place, with the warning W_TETGEN_FALLBACK;
+/// W_NO_INTERIOR says that no lattice node fits. Linear in the number of nodes.
+///
+/// Throws UnusableInput when the mesh has no triangles, a coordinate is not finite, or more than
+/// max_nodes nodes are to be expected; std::invalid_argument on a negative option or a triangle that
+/// names no vertex. After [Zhou et al. 2005], which Shi 2006 builds on.
 VolumeGraph build_volume_graph(const TriMesh& mesh, const Solid& solid,
                                const VolumeGraphOptions& options, ThreadTeam& team);
 

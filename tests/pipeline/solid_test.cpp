@@ -151,7 +151,7 @@ TEST(SolidDistance, StopsAtTheLimit) {
   EXPECT_NEAR(solid.distance({1.25, 0.0, 0.0}, 0.5), 0.25, 1e-15);
 }
 
-TEST(SolidDistance, KnowsNothingOfTheLidsOverHoles) {
+TEST(Solid, LidsOverHolesBoundTheInsideButAreNoSurfaceToMeasureFrom) {
   TriMesh mesh = samples::box({2, 2, 2}, 1);
   std::erase_if(mesh.triangles, [&](const auto& triangle) {
     return std::all_of(triangle.begin(), triangle.end(), [&](int vertex) { return mesh.positions(vertex, 0) > 0.0; });
@@ -159,7 +159,7 @@ TEST(SolidDistance, KnowsNothingOfTheLidsOverHoles) {
   const Solid solid(mesh);
   EXPECT_TRUE(solid.contains({0.9, 0.0, 0.0}));
   EXPECT_NEAR(solid.distance({0.9, 0.0, 0.0}), 1.0, 1e-12);
-  EXPECT_FALSE(solid.crosses({0.9, 0.0, 0.0}, {2.0, 0.0, 0.0}));
+  EXPECT_TRUE(solid.crosses({0.9, 0.1, 0.2}, {2.0, 0.1, 0.2}));
 }
 
 TEST(SolidCrosses, OnlyWhenTheSegmentMeetsTheSurfaceBetweenItsEnds) {

@@ -230,6 +230,13 @@ TEST(VolumeGraph, DefaultSpacingPutsNearestNeighborsOneAndAQuarterSurfaceEdgesAp
   EXPECT_NEAR(build(mesh).spacing * std::sqrt(0.75), 1.25 * mean_edge_length(mesh), 1e-12);
 }
 
+TEST(VolumeGraph, DefaultSpacingIsWiderWhereTheSurfaceIsSoDenseThatTheInsideWouldBeOverfull) {
+  const TriMesh mesh = samples::sphere(1.0, 6);
+  const VolumeGraph volume = build(mesh);
+  EXPECT_GT(volume.spacing * std::sqrt(0.75), 1.25 * mean_edge_length(mesh));
+  EXPECT_NEAR(static_cast<double>(volume.node_count() - volume.surface_count) / mesh.vertex_count(), 5.0, 0.5);
+}
+
 TEST(VolumeGraph, KeepsTheSpacingItIsGiven) {
   EXPECT_EQ(build(samples::sphere(1.0, 3), {.spacing = 0.123, .density = 5.0}).spacing, 0.123);
 }
@@ -264,6 +271,19 @@ TEST(VolumeGraph, SurvivesDamageWithAlmostTheSameInterior) {
       EXPECT_NEAR(volume.node_count(), whole, 0.05 * whole) << name;
       EXPECT_EQ(connected_components(volume.graph).count, surface_components(damaged)) << name;
     }
+  }
+}
+
+TEST(VolumeGraph, OfADamagedBodyStaysInsideTheWholeOne) {
+  for (const double gap : {0.01, 0.05}) {
+    const TriMesh mesh = samples::two_legs(1.0, 0.1, gap, 32);
+    const Solid whole(mesh);
+    const VolumeGraph volume = build(without_triangles(mesh, 0.05));
+    for_each_edge(volume, [&](int a, int b) {
+      if (b < volume.surface_count) return;
+      const Vector3d middle = (position(volume, a) + position(volume, b)) / 2.0;
+      EXPECT_TRUE(whole.contains(middle) || whole.distance(middle) < 0.01) << middle.transpose();
+    });
   }
 }
 

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 namespace sinew {
 namespace {
@@ -12,9 +13,14 @@ namespace {
 /// and joints doubled in place. One centimetre on a grown-up.
 constexpr double kShortBone = 0.005;
 
-/// Feet whose slopes at the reference differ by less stand on their soles in both bodies, and only
-/// their heading is matched: ankles sit at different heights, so equal slopes would tilt the sole.
-constexpr double kSoleSlope = 35.0 * std::numbers::pi / 180.0;
+/// A foot that seems to stand on its sole in the motion, but is tilted by more than this at a standing
+/// reference, hangs in the motion: the body sits or lies. In degrees; measured tilts of declared poses
+/// stay below 25.
+constexpr double kMostSoleTilt = 35.0;
+
+double degrees_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * 180.0 / std::numbers::pi;
+}
 
 double extent(const std::vector<Eigen::Vector3d>& positions) {
   Eigen::AlignedBox3d box;
@@ -51,22 +57,22 @@ std::optional<Role> role_below(Role role) {
 struct BonePair {
   Eigen::Vector3d rest = Eigen::Vector3d::Zero();  ///< unit; zero when either body has no such bone
   Aim aim;
+  bool joins_followers = false;  ///< it ends at a joint that follows the clip too, not at a tip or finger
 };
 
 /// One stretch of the clip's spine and the rig joint that follows it.
 struct SpineTurn {
   int clip = -1, clip_before = -1;
   double share = 1.0;
-  BonePair bone;
-  bool is_chord = false;  ///< the bone is the whole spine: it sets the reference, not the frames
+  BonePair bone;  ///< its own stretch; nothing where turns are shared out
   bool is_last = false;
 };
 
 class Builder {
  public:
-  Builder(const Skeleton& clip, const ReferencePose& reference, const RigSkeleton& rig, const JointMatch& match,
-          const Alignment& alignment)
-      : clip_(clip), reference_(reference), rig_(rig), match_(match), alignment_(alignment),
+  Builder(const Skeleton& clip, std::span<const Pose> frames, const ReferencePose& reference, const RigSkeleton& rig,
+          const JointMatch& match, const Alignment& alignment)
+      : clip_(clip), frames_(frames), reference_(reference), rig_(rig), match_(match), alignment_(alignment),
         rest_(rest_pose(rig).positions), rig_extent_(extent(rest_)), clip_extent_(extent(reference.pose.positions)),
         at_reference_(rest_.size(), Eigen::Quaterniond::Identity()), spine_(rest_.size()) {
     plan_spine();
@@ -103,11 +109,14 @@ class Builder {
   Eigen::Quaterniond swung(const Eigen::Quaterniond& from, const BonePair& bone) const;
   Eigen::Quaterniond pelvis() const;
   Eigen::Quaterniond body() const;
-  Eigen::Quaterniond foot(const Eigen::Quaterniond& above, const BonePair& bone, bool& follows) const;
+  Eigen::Quaterniond foot(int joint, const BonePair& bone) const;
+  Eigen::Quaterniond level_head(int joint) const;
+  std::vector<int> lowest_frames(int joint, const Eigen::Vector3d& clip_up) const;
   Eigen::Quaterniond chest(const Eigen::Quaterniond& above, const BonePair& bone) const;
   void set_reference(BoneTurn& turn, const Eigen::Quaterniond& above) const;
 
   const Skeleton& clip_;
+  std::span<const Pose> frames_;
   const ReferencePose& reference_;
   const RigSkeleton& rig_;
   const JointMatch& match_;
@@ -116,11 +125,12 @@ class Builder {
   double rig_extent_, clip_extent_;
   std::vector<Eigen::Quaterniond> at_reference_;  ///< Q per rig joint; followers of a parent inherit it
   std::vector<std::optional<SpineTurn>> spine_;   ///< per rig joint
+  BonePair chord_;                                ///< the whole spine, from its first joint to its top
 };
 
 BonePair Builder::pair_of(const Eigen::Vector3d& rig_bone, Aim aim) const {
   if (aim.from < 0 || !rig_long(rig_bone) || !clip_long(aim)) return {};
-  return {rig_bone.normalized(), std::move(aim)};
+  return {rig_bone.normalized(), std::move(aim), false};
 }
 
 BonePair Builder::bone_between(int rig_from, const std::vector<int>& rig_to, int clip_from,
@@ -128,7 +138,9 @@ BonePair Builder::bone_between(int rig_from, const std::vector<int>& rig_to, int
   if (rig_to.empty() || clip_to.empty()) return {};
   std::vector<Eigen::Vector3d> ends;
   for (const int joint : rig_to) ends.push_back(rest_[joint]);
-  return pair_of(mean_of(ends) - rest_[rig_from], Aim{clip_from, std::move(clip_to), Eigen::Vector3d::Zero()});
+  BonePair bone = pair_of(mean_of(ends) - rest_[rig_from], Aim{clip_from, std::move(clip_to), Eigen::Vector3d::Zero()});
+  bone.joins_followers = true;
+  return bone;
 }
 
 /// Rest direction of a bone that no role ends: to its tip, else to what hangs on it except a thumb.
@@ -235,6 +247,7 @@ void Builder::plan_spine() {
   const bool by_role = !match_.spine_is_named && !rig_chain.empty() && !clip_chain.empty() &&
                        !spine_top(match_.rig_body).empty();
   if (!by_role) return;
+  chord_ = bone_between(rig_chain.front(), spine_top(match_.rig_body), clip_chain.front(), spine_top(match_.clip_body));
   if (rig_chain.size() <= clip_chain.size())
     plan_fewer(rig_chain, clip_chain);
   else
@@ -269,8 +282,6 @@ void Builder::plan_fewer(const std::vector<int>& rig_chain, const std::vector<in
 void Builder::plan_more(const std::vector<int>& rig_chain, const std::vector<int>& clip_chain) {
   const std::vector<double> rig_ends = ends_along(rest_, match_.rig_body, rig_chain);
   const std::vector<double> clip_ends = ends_along(reference_.pose.positions, match_.clip_body, clip_chain);
-  const BonePair chord = bone_between(rig_chain.front(), spine_top(match_.rig_body), clip_chain.front(),
-                                      spine_top(match_.clip_body));
   for (std::size_t i = 0; i < rig_chain.size(); ++i) {
     std::size_t at = 0;
     while (at + 1 < clip_ends.size() && clip_ends[at] < rig_ends[i]) ++at;
@@ -278,7 +289,7 @@ void Builder::plan_more(const std::vector<int>& rig_chain, const std::vector<int
     const double length = clip_ends[at] - begin;
     const int before = at == 0 ? joint_of(match_.clip_body, Role::hips) : clip_chain[at - 1];
     const double share = length > 0.0 ? std::clamp((rig_ends[i] - begin) / length, 0.0, 1.0) : 1.0;
-    spine_[rig_chain[i]] = SpineTurn{clip_chain[at], before, share, chord, true, false};
+    spine_[rig_chain[i]] = SpineTurn{clip_chain[at], before, share, {}, false};
   }
 }
 
@@ -317,18 +328,51 @@ Eigen::Quaterniond Builder::body() const {
   return hips >= 0 ? at_reference_[hips] : Eigen::Quaterniond::Identity();
 }
 
-/// Only the heading, about up, where both bodies stand on their soles; else the direction, which the
-/// foot then follows in every frame.
-Eigen::Quaterniond Builder::foot(const Eigen::Quaterniond& above, const BonePair& bone, bool& follows) const {
-  follows = false;
-  if (bone.rest.isZero()) return reference_.standing ? body() : above;
-  const Eigen::Vector3d up = rig_.up.normalized(), to = clip_direction(bone.aim);
-  const double slope = std::asin(std::clamp(to.dot(up), -1.0, 1.0)) - std::asin(std::clamp(bone.rest.dot(up), -1.0, 1.0));
-  const Eigen::Vector3d flat = across(bone.rest, up), flat_to = across(to, up);
-  follows = !reference_.standing || std::abs(slope) > kSoleSlope || flat.norm() < 0.2 || flat_to.norm() < 0.2;
-  if (follows) return swung(above, bone);
-  const double heading = std::atan2(flat.cross(flat_to).dot(up), flat.dot(flat_to));
-  return Eigen::Quaterniond(Eigen::AngleAxisd(heading, up));
+/// The tenth of frames in which the clip's joint is lowest.
+std::vector<int> Builder::lowest_frames(int joint, const Eigen::Vector3d& clip_up) const {
+  std::vector<int> order(frames_.size());
+  std::iota(order.begin(), order.end(), 0);
+  const auto height = [&](int frame) { return frames_[frame].positions[joint].dot(clip_up); };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return height(a) < height(b); });
+  order.resize((order.size() + 9) / 10);
+  return order;
+}
+
+/// A low foot stands on its sole: what is up then, seen from the foot, is up in the rig at rest. Slopes
+/// from ankle to toes are no help, since ankles sit at different heights, nor are declared poses, whose
+/// feet are tilted by up to 25 degrees. The heading is that of the bone.
+Eigen::Quaterniond Builder::foot(int joint, const BonePair& bone) const {
+  if (bone.rest.isZero()) return body();
+  const int foot = match_.clip_of_rig[joint];
+  const Eigen::Vector3d rig_up = rig_.up.normalized();
+  const Eigen::Vector3d clip_up = alignment_.turn.conjugate() * rig_up;
+  const Eigen::Quaterniond to_foot = reference_.pose.rotations[foot].conjugate();
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const int frame : lowest_frames(foot, clip_up)) up += frames_[frame].rotations[foot].conjugate() * clip_up;
+  if (reference_.standing && degrees_between(up, to_foot * clip_up) > kMostSoleTilt) up = to_foot * clip_up;
+  const Eigen::Vector3d ahead = to_foot * bone.aim.direction(reference_.pose);
+  const bool vertical = degrees_between(bone.rest, -rig_up) < 10.0 || degrees_between(ahead, -up) < 10.0;
+  if (up.isZero() || vertical) return body();
+  const Eigen::Quaterniond in_foot = between_axes(axes_of(rig_up, bone.rest), axes_of(up, ahead));
+  return (alignment_.turn * reference_.pose.rotations[foot] * in_foot).normalized();
+}
+
+/// A head is level on the average: what is up and ahead of it then, seen from the head, is so in the rig
+/// at rest. (Where files let heads end is no help: some point there, some do not.)
+Eigen::Quaterniond Builder::level_head(int joint) const {
+  const int head = match_.clip_of_rig[joint];
+  const Eigen::Vector3d rig_up = rig_.up.normalized();
+  const Eigen::Vector3d clip_up = alignment_.turn.conjugate() * rig_up;
+  Eigen::Vector3d up = Eigen::Vector3d::Zero(), left = Eigen::Vector3d::Zero();
+  for (const Pose& frame : frames_) {
+    const Eigen::Quaterniond to_head = frame.rotations[head].conjugate();
+    up += to_head * clip_up;
+    left += to_head * left_of({frame.positions, match_.clip_body}, clip_up).value_or(Eigen::Vector3d::Zero());
+  }
+  const auto rig_left = left_of({rest_, match_.rig_body}, rig_up);
+  if (!rig_left || across(left, up.normalized()).norm() < 0.1 * static_cast<double>(frames_.size())) return body();
+  const Eigen::Quaterniond in_head = between_axes(axes_of(rig_up, *rig_left), axes_of(up, left));
+  return (alignment_.turn * reference_.pose.rotations[head] * in_head).normalized();
 }
 
 /// The last spine joint carries the shoulders: its bone's direction exactly, and their line as well as
@@ -348,30 +392,34 @@ Eigen::Quaterniond Builder::chest(const Eigen::Quaterniond& above, const BonePai
 }
 
 /// Fills Q, and the aim of bones that follow the clip's direction in every frame.
+///
+/// Limbs always follow by direction. The trunk does so only for want of a standing reference: joints of
+/// spine, neck and collar bones are placed by taste, and to bend a body at rest into the shape of another
+/// skeleton's spine would deform it. What stands in both is at rest in both.
 void Builder::set_reference(BoneTurn& turn, const Eigen::Quaterniond& above) const {
   const std::optional<Role> role = match_.role_of_rig[turn.rig];
   const auto is = [&](Role one, Role other) { return role == one || role == other; };
+  const auto& spine = spine_[turn.rig];
   BonePair bone;
-  bool follows = true;
-  if (const auto& spine = spine_[turn.rig]) {
+  if (spine && (reference_.standing || spine->bone.rest.isZero())) {
+    turn.at_reference = swung(body(), chord_);
+  } else if (spine) {
     bone = spine->bone;
-    follows = !spine->is_chord;
-    turn.at_reference = spine->is_chord ? swung(body(), bone) : spine->is_last ? chest(above, bone) : swung(above, bone);
+    turn.at_reference = spine->is_last ? chest(above, bone) : swung(above, bone);
   } else if (role == Role::hips) {
     turn.at_reference = pelvis();
-  } else if (is(Role::left_toes, Role::right_toes) ||
-             (reference_.standing && is(Role::left_shoulder, Role::right_shoulder))) {
-    // Collar bones start anywhere from breastbone to spine, and toes end where their author liked: at a
-    // standing reference what is at rest in one body is at rest in the other.
+  } else if (role == Role::head) {
+    turn.at_reference = reference_.standing ? body() : level_head(turn.rig);
+  } else if (is(Role::left_foot, Role::right_foot)) {
+    turn.at_reference = foot(turn.rig, bone_of(turn.rig));
+  } else if (is(Role::left_toes, Role::right_toes) || is(Role::left_shoulder, Role::right_shoulder) ||
+             (reference_.standing && role == Role::neck)) {
     turn.at_reference = above;
-  } else if (reference_.standing && role == Role::head) {
-    turn.at_reference = body();  // level, whatever the slopes of the necks
   } else {
     bone = bone_of(turn.rig);
-    const bool is_foot = is(Role::left_foot, Role::right_foot);
-    turn.at_reference = is_foot ? foot(above, bone, follows) : swung(above, bone);
+    turn.at_reference = swung(above, bone);
   }
-  if (bone.rest.isZero() || !follows) return;
+  if (bone.rest.isZero() || !bone.joins_followers) return;
   turn.rest_direction = bone.rest;
   turn.aim = bone.aim;
 }
@@ -407,9 +455,9 @@ Eigen::Vector3d Aim::direction(const Pose& pose) const {
   return mean / static_cast<double>(to.size()) - pose.positions[from];
 }
 
-std::vector<BoneTurn> bone_turns(const Skeleton& clip, const ReferencePose& reference, const RigSkeleton& rig,
-                                 const JointMatch& match, const Alignment& alignment) {
-  return Builder(clip, reference, rig, match, alignment).build();
+std::vector<BoneTurn> bone_turns(const Skeleton& clip, std::span<const Pose> frames, const ReferencePose& reference,
+                                 const RigSkeleton& rig, const JointMatch& match, const Alignment& alignment) {
+  return Builder(clip, frames, reference, rig, match, alignment).build();
 }
 
 }  // namespace sinew

@@ -33,8 +33,8 @@ struct BoneTurn {
   Aim aim;
 };
 
-/// One entry for each rig joint that follows the clip, parents first.
-std::vector<BoneTurn> bone_turns(const Skeleton& clip, const ReferencePose& reference,
+/// One entry for each rig joint that follows the clip, parents first. `frames` are the clip's poses.
+std::vector<BoneTurn> bone_turns(const Skeleton& clip, std::span<const Pose> frames, const ReferencePose& reference,
                                  const RigSkeleton& rig, const JointMatch& match, const Alignment& alignment);
 
 }  // namespace sinew

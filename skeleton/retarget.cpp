@@ -165,7 +165,7 @@ Motion transfer_motion(const Clip& clip, const RigSkeleton& rig, const JointMatc
     motion.warnings.push_back("W_REFERENCE_FRAME_DROPPED: frame 0 is a reference pose put before the motion; left out");
   }
   const Alignment alignment = align_bodies(reference, clip_up, rig, match, motion.warnings);
-  Transfer transfer(reference, rig, match, alignment, bone_turns(clip.skeleton, reference, rig, match, alignment));
+  Transfer transfer(reference, rig, match, alignment, bone_turns(clip.skeleton, source, reference, rig, match, alignment));
   transfer.find_floor(used);
   const Eigen::Vector3d up = rig.up.normalized();
   const Eigen::Vector3d start = rig.joints[transfer.anchor()].position;

@@ -121,6 +121,8 @@ std::vector<std::string> tokens_of(std::string_view name) {
   if (const std::size_t end = name.find_last_of(":|"); end != std::string_view::npos)
     name.remove_prefix(end + 1);
   std::vector<std::string> tokens;
+  // "__UpLeg_L" above "UpLeg_L" is a helper that only carries an offset: keep it a word of its own.
+  if (name.substr(0, 2) == "__") tokens.emplace_back("__");
   bool inside = false;
   for (std::size_t at = 0; at < name.size(); ++at) {
     if (!is_alnum(name[at])) {

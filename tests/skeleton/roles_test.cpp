@@ -65,7 +65,7 @@ std::string name_of(const Skeleton& skeleton, const RoleMap& map, Role role) {
 
 class WholeBody : public testing::TestWithParam<Naming> {};
 
-TEST_P(WholeBody, PlaysEveryRoleWithTheJointOnTheRightPlace) {
+TEST_P(WholeBody, plays_every_role_with_the_joint_on_the_right_place) {
   const Naming& naming = GetParam();
   const Skeleton skeleton = body_in(naming);
   const RoleMap map = recognise_roles(skeleton);
@@ -154,27 +154,27 @@ const Naming kNamings[] = {
 INSTANTIATE_TEST_SUITE_P(Schemes, WholeBody, testing::ValuesIn(kNamings),
                          [](const auto& naming) { return naming.param.label; });
 
-TEST(Roles, NamesAndRolesAreInverse) {
+TEST(Roles, names_and_roles_are_inverse) {
   for (int role = 0; role < kRoleCount; ++role)
     EXPECT_EQ(role_from_name(role_name(static_cast<Role>(role))), static_cast<Role>(role));
   EXPECT_EQ(role_from_name("tail"), std::nullopt);
 }
 
-TEST(Roles, LeftLegIsTheShinWhereThereIsAnUpLegAndTheThighWhereThereIsAShin) {
+TEST(Roles, left_leg_is_the_shin_where_there_is_an_up_leg_and_the_thigh_where_there_is_a_shin) {
   const Skeleton mixamo = skeleton_from("0:Hips 1:LeftUpLeg 2:LeftLeg 3:LeftFoot");
   EXPECT_EQ(name_of(mixamo, recognise_roles(mixamo), Role::left_lower_leg), "LeftLeg");
   const Skeleton soma = skeleton_from("0:Hips 1:LeftLeg 2:LeftShin 3:LeftFoot");
   EXPECT_EQ(name_of(soma, recognise_roles(soma), Role::left_upper_leg), "LeftLeg");
 }
 
-TEST(Roles, LeftShoulderIsTheUpperArmWhereTheForearmIsAnElbow) {
+TEST(Roles, left_shoulder_is_the_upper_arm_where_the_forearm_is_an_elbow) {
   const Skeleton biovision = skeleton_from("0:Hips 1:Chest 2:LeftCollar 3:LeftShoulder 4:LeftElbow 5:LeftWrist");
   EXPECT_EQ(name_of(biovision, recognise_roles(biovision), Role::left_upper_arm), "LeftShoulder");
   const Skeleton mixamo = skeleton_from("0:Hips 1:Spine 2:LeftShoulder 3:LeftArm 4:LeftForeArm 5:LeftHand");
   EXPECT_EQ(name_of(mixamo, recognise_roles(mixamo), Role::left_shoulder), "LeftShoulder");
 }
 
-TEST(Roles, AJointThatHangsElsewherePlaysNoRole) {
+TEST(Roles, a_joint_that_hangs_elsewhere_plays_no_role) {
   // A foot controlled from the floor, as in rigs made for inverse kinematics.
   const Skeleton skeleton =
       skeleton_from("0:Bone 1:Foot.L 1:Body 2:Hips 3:Abdomen 4:Torso 5:Neck 6:Head 2:UpperLeg.L 3:LowerLeg.L");
@@ -184,7 +184,7 @@ TEST(Roles, AJointThatHangsElsewherePlaysNoRole) {
   EXPECT_EQ(name_of(skeleton, map, Role::left_foot), "");
 }
 
-TEST(Roles, OneSpineJointIsTheSpineAndTwoAreSpineAndChest) {
+TEST(Roles, one_spine_joint_is_the_spine_and_two_are_spine_and_chest) {
   const Skeleton one = skeleton_from("0:Hips 1:Spine 2:Head");
   EXPECT_EQ(name_of(one, recognise_roles(one), Role::spine), "Spine");
   EXPECT_EQ(name_of(one, recognise_roles(one), Role::chest), "");
@@ -193,7 +193,7 @@ TEST(Roles, OneSpineJointIsTheSpineAndTwoAreSpineAndChest) {
   EXPECT_EQ(name_of(two, recognise_roles(two), Role::upper_chest), "");
 }
 
-TEST(Roles, OfFiveSpineJointsTheMiddleIsTheChestAndTheLastTheUpperChest) {
+TEST(Roles, of_five_spine_joints_the_middle_is_the_chest_and_the_last_the_upper_chest) {
   const Skeleton five = skeleton_from("0:pelvis 1:spine_01 2:spine_02 3:spine_03 4:spine_04 5:spine_05 6:neck_01 7:head");
   const RoleMap map = recognise_roles(five);
   EXPECT_EQ(name_of(five, map, Role::spine), "spine_01");
@@ -201,7 +201,7 @@ TEST(Roles, OfFiveSpineJointsTheMiddleIsTheChestAndTheLastTheUpperChest) {
   EXPECT_EQ(name_of(five, map, Role::upper_chest), "spine_05");
 }
 
-TEST(Roles, ARunningNumberBehindEveryNameIsNoPartOfIt) {
+TEST(Roles, a_running_number_behind_every_name_is_no_part_of_it) {
   const Skeleton skeleton = skeleton_from(
       "0:Hips_01 1:Spine_02 2:Spine1_03 3:Neck_04 4:Head_05 3:LeftArm_06 4:LeftForeArm_07 5:LeftHand_08 "
       "1:LeftUpLeg_09 2:LeftLeg_010 3:LeftFoot_011");
@@ -211,14 +211,14 @@ TEST(Roles, ARunningNumberBehindEveryNameIsNoPartOfIt) {
   EXPECT_EQ(name_of(skeleton, map, Role::left_lower_leg), "LeftLeg_010");
 }
 
-TEST(Roles, ASkeletonInNoKnownSchemePlaysNoRole) {
+TEST(Roles, a_skeleton_in_no_known_scheme_plays_no_role) {
   const Skeleton skeleton = skeleton_from("0:Bone 1:Bone.001 2:Bone.002");
   const RoleMap map = recognise_roles(skeleton);
   EXPECT_EQ(map.scheme, "");
   EXPECT_EQ(map.joint_of_role, std::vector<int>(kRoleCount, -1));
 }
 
-TEST(Roles, AnEmptySkeletonPlaysNoRole) {
+TEST(Roles, an_empty_skeleton_plays_no_role) {
   EXPECT_EQ(recognise_roles(Skeleton{}).joint_of_role, std::vector<int>(kRoleCount, -1));
 }
 

@@ -13,11 +13,13 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "buffers are written as they lie in memory");
 
-constexpr std::uint32_t kMagic = 0x46546c67;       // "glTF"
-constexpr std::uint32_t kJsonChunk = 0x4e4f534a;   // "JSON"
+constexpr std::uint32_t kMagic = 0x46546c67;        // "glTF"
+constexpr std::uint32_t kJsonChunk = 0x4e4f534a;    // "JSON"
 constexpr std::uint32_t kBinaryChunk = 0x004e4942;  // "BIN"
 
-std::size_t padding_of(std::size_t size) { return (4 - size % 4) % 4; }
+std::size_t padding_of(std::size_t size) {
+  return (4 - size % 4) % 4;
+}
 
 template <std::size_t count>
 void write_words(AtomicFile& file, const std::array<std::uint32_t, count>& words) {
@@ -40,9 +42,9 @@ std::int64_t write_glb(const std::filesystem::path& path, std::string json, cons
   const std::int64_t total =
       12 + 8 + static_cast<std::int64_t>(json.size()) + (has_binary ? 8 + binary.size() : 0);
   if (total > kLargestGlb) {
-    throw FileError(FileFault::resource, path.string(),
-                    "a GLB of " + std::to_string(total) + " bytes; the format ends at " +
-                        std::to_string(kLargestGlb));
+    throw FileError(
+        FileFault::resource, path.string(),
+        "a GLB of " + std::to_string(total) + " bytes; the format ends at " + std::to_string(kLargestGlb));
   }
   AtomicFile file(path);
   write_words<3>(file, {kMagic, 2, static_cast<std::uint32_t>(total)});

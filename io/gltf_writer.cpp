@@ -59,10 +59,13 @@ const char* type_name(int components) {
 int component_size(int component_type) {
   switch (component_type) {
     case 5120:
-    case 5121: return 1;
+    case 5121:
+      return 1;
     case 5122:
-    case 5123: return 2;
-    default: return 4;
+    case 5123:
+      return 2;
+    default:
+      return 4;
   }
 }
 
@@ -76,7 +79,9 @@ std::vector<std::byte> bytes_of(std::span<const Value> values) {
 // ---------------------------------------------------------------------------------------------
 // What the asset must fulfil
 
-[[noreturn]] void reject(const std::string& what) { throw std::invalid_argument("GltfWriter: " + what); }
+[[noreturn]] void reject(const std::string& what) {
+  throw std::invalid_argument("GltfWriter: " + what);
+}
 
 void check_primitive(const MeshAsset& asset, const SourcePrimitive& primitive) {
   const std::string name = "primitive '" + primitive.name + "'";
@@ -89,8 +94,9 @@ void check_primitive(const MeshAsset& asset, const SourcePrimitive& primitive) {
       reject(name + " has index " + std::to_string(index) + "; expected below " +
              std::to_string(primitive.vertex_count));
   for (const VertexAttribute& attribute : primitive.attributes) {
-    const auto expected = static_cast<std::size_t>(primitive.vertex_count) *
-                          static_cast<std::size_t>(attribute.components * component_size(attribute.component_type));
+    const auto expected =
+        static_cast<std::size_t>(primitive.vertex_count) *
+        static_cast<std::size_t>(attribute.components * component_size(attribute.component_type));
     if (attribute.components < 1 || attribute.components > 4 || attribute.data.size() != expected)
       reject(name + " has " + std::to_string(attribute.data.size()) + " bytes of " + attribute.name +
              "; expected " + std::to_string(expected));
@@ -214,8 +220,8 @@ std::string Document::text(const std::string& animation_name, const Json& appear
 // Appearance
 
 bool is_core_attribute(const VertexAttribute& attribute) {
-  const bool small_normalized =
-      attribute.normalized && (attribute.component_type == kUnsignedByte || attribute.component_type == kUnsignedShort);
+  const bool small_normalized = attribute.normalized && (attribute.component_type == kUnsignedByte ||
+                                                         attribute.component_type == kUnsignedShort);
   if (attribute.name.starts_with("TEXCOORD_") || attribute.name.starts_with("COLOR_"))
     return attribute.component_type == kFloat || small_normalized;
   return attribute.name != "TANGENT" || attribute.component_type == kFloat;
@@ -223,23 +229,17 @@ bool is_core_attribute(const VertexAttribute& attribute) {
 
 /// Vertex data that another part of the file already says, or that has no meaning without a skin.
 bool is_left_out(const std::string& name) {
-  return name == "POSITION" || name == "NORMAL" || name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_");
+  return name == "POSITION" || name == "NORMAL" || name.starts_with("JOINTS_") ||
+         name.starts_with("WEIGHTS_");
 }
 
 void add_extension(std::vector<std::string>& list, const std::string& name) {
   if (std::ranges::find(list, name) == list.end()) list.push_back(name);
 }
 
-/// Materials and what they use; one matt grey when the source has none, because glTF's default
-/// material is a metal, black in a viewer without surroundings.
+/// Materials and what they use, as the source has them; an empty object when it has none.
 Json read_appearance(const MeshAsset& asset, Document& document) {
-  if (asset.appearance_json.empty()) {
-    const Json surface = {
-        {"baseColorFactor", {0.8, 0.8, 0.8, 1.0}}, {"metallicFactor", 0.0}, {"roughnessFactor", 0.8}};
-    const Json matt = {
-        {"name", "matt"}, {"pbrMetallicRoughness", surface}, {"doubleSided", !asset.diagnosis.closed}};
-    return {{"materials", Json::array({matt})}};
-  }
+  if (asset.appearance_json.empty()) return Json::object();
   Json appearance = Json::parse(asset.appearance_json, nullptr, false);
   if (!appearance.is_object()) reject("appearance_json is not a JSON object");
   for (const auto& name : appearance.value("extensionsUsed", Json::array()))
@@ -247,6 +247,13 @@ Json read_appearance(const MeshAsset& asset, Document& document) {
   for (const auto& name : appearance.value("extensionsRequired", Json::array()))
     add_extension(document.extensions_required, name.get<std::string>());
   return appearance;
+}
+
+/// For sources without materials: glTF's default material is a metal, black in a viewer without surroundings.
+Json matt_grey(bool double_sided) {
+  const Json surface = {
+      {"baseColorFactor", {0.8, 0.8, 0.8, 1.0}}, {"metallicFactor", 0.0}, {"roughnessFactor", 0.8}};
+  return {{"name", "matt"}, {"pbrMetallicRoughness", surface}, {"doubleSided", double_sided}};
 }
 
 void add_images(const MeshAsset& asset, const Json& appearance, Document& document) {
@@ -314,16 +321,16 @@ class Geometry {
   Geometry(const MeshAsset& asset, bool with_normals, Document& document)
       : asset_(asset), document_(document), groups_(group_primitives(asset)) {
     if (with_normals) normals_.emplace(asset);
-    const Json appearance = read_appearance(asset, document);
-    material_count_ = appearance.contains("materials") ? static_cast<int>(appearance["materials"].size()) : 0;
+    appearance_ = read_appearance(asset, document);
+    material_count_ = static_cast<int>(appearance_.value("materials", Json::array()).size());
+    if (material_count_ == 0) appearance_["materials"] = Json::array({matt_grey(!asset.diagnosis.closed)});
     rest_ = to_floats(asset.mesh.positions);
     rest_rows_ = to_floats(asset.source_positions);
     position_view_ = add_rows(rest_rows_);
     if (normals_) normal_view_ = add_rows(normals_->rest_of_rows());
     for (const MeshGroup& group : groups_)
       for (const SourcePrimitive* primitive : group.primitives) base_.push_back(base_of(*primitive));
-    add_images(asset, appearance, document);
-    appearance_ = appearance;
+    add_images(asset, appearance_, document);
   }
 
   const std::vector<float>& rest() const { return rest_; }
@@ -332,7 +339,8 @@ class Geometry {
   const std::vector<MeshGroup>& groups() const { return groups_; }
 
   /// A target's accessors, one a primitive. `displacements`: three floats a vertex; `normals`: three a group.
-  void add_target(std::span<const float> displacements, std::span<const float> normals, const std::string& name) {
+  void add_target(std::span<const float> displacements, std::span<const float> normals,
+                  const std::string& name) {
     const std::vector<float> position_rows = spread(displacements, asset_.vertex_of_source);
     const int position_view = add_rows(position_rows);
     std::optional<int> normal_view;
@@ -341,7 +349,8 @@ class Geometry {
     for (const MeshGroup& group : groups_) {
       for (const SourcePrimitive* primitive : group.primitives) {
         Json accessors;
-        accessors["POSITION"] = add_row_accessor(position_view, *primitive, bounds_of(position_rows, *primitive));
+        accessors["POSITION"] =
+            add_row_accessor(position_view, *primitive, bounds_of(position_rows, *primitive));
         if (normal_view) accessors["NORMAL"] = add_row_accessor(*normal_view, *primitive);
         target.push_back(std::move(accessors));
       }
@@ -358,7 +367,8 @@ class Geometry {
       Json primitives = Json::array();
       for (std::size_t p = 0; p < group.primitives.size(); ++p, ++index) {
         Json primitive = base_[index];
-        for (std::size_t k = first; k < first + count; ++k) primitive["targets"].push_back(targets_[k][index]);
+        for (std::size_t k = first; k < first + count; ++k)
+          primitive["targets"].push_back(targets_[k][index]);
         primitives.push_back(std::move(primitive));
       }
       Json mesh;
@@ -381,8 +391,8 @@ class Geometry {
 
   int add_row_accessor(int view, const SourcePrimitive& primitive,
                        const std::optional<Document::Bounds>& bounds = {}) {
-    return document_.add_accessor(view, 12LL * primitive.first_vertex, kFloat, primitive.vertex_count, 3, false,
-                                  bounds);
+    return document_.add_accessor(view, 12LL * primitive.first_vertex, kFloat, primitive.vertex_count, 3,
+                                  false, bounds);
   }
 
   Json base_of(const SourcePrimitive& primitive);
@@ -394,7 +404,7 @@ class Geometry {
   std::vector<MeshGroup> groups_;
   std::optional<SurfaceNormals> normals_;
   Json appearance_;
-  int material_count_ = 0;
+  int material_count_ = 0;        ///< of the source
   std::vector<float> rest_;       ///< of the welded vertices
   std::vector<float> rest_rows_;  ///< of the source's
   int position_view_ = -1;
@@ -417,8 +427,8 @@ int Geometry::add_attribute(const SourcePrimitive& primitive, const VertexAttrib
     std::copy_n(attribute.data.begin() + static_cast<std::ptrdiff_t>(i) * size, size,
                 bytes.begin() + static_cast<std::ptrdiff_t>(i) * stride);
   const int view = document_.add_view(std::move(bytes), kVertexTarget, stride);
-  return document_.add_accessor(view, 0, attribute.component_type, primitive.vertex_count, attribute.components,
-                                attribute.normalized);
+  return document_.add_accessor(view, 0, attribute.component_type, primitive.vertex_count,
+                                attribute.components, attribute.normalized);
 }
 
 int Geometry::add_indices(const SourcePrimitive& primitive) {
@@ -426,8 +436,9 @@ int Geometry::add_indices(const SourcePrimitive& primitive) {
   // The largest value of a type restarts a strip and is not an index.
   if (primitive.vertex_count <= std::numeric_limits<std::uint16_t>::max()) {
     const std::vector<std::uint16_t> narrow(primitive.indices.begin(), primitive.indices.end());
-    return document_.add_accessor(document_.add_view(bytes_of(std::span<const std::uint16_t>(narrow)), kIndexTarget), 0,
-                                  kUnsignedShort, count, 1);
+    return document_.add_accessor(
+        document_.add_view(bytes_of(std::span<const std::uint16_t>(narrow)), kIndexTarget), 0, kUnsignedShort,
+        count, 1);
   }
   const std::span<const std::uint32_t> wide(primitive.indices);
   return document_.add_accessor(document_.add_view(bytes_of(wide), kIndexTarget), 0, kUnsignedInt, count, 1);
@@ -440,11 +451,11 @@ Json Geometry::base_of(const SourcePrimitive& primitive) {
   for (const VertexAttribute& attribute : primitive.attributes)
     if (!is_left_out(attribute.name)) attributes[attribute.name] = add_attribute(primitive, attribute);
   Json json = {{"attributes", std::move(attributes)}, {"indices", add_indices(primitive)}};
-  if (asset_.appearance_json.empty()) {
+  if (material_count_ == 0) {
     json["material"] = 0;
   } else if (primitive.material >= material_count_) {
-    reject("primitive '" + primitive.name + "' has material " + std::to_string(primitive.material) + "; there are " +
-           std::to_string(material_count_));
+    reject("primitive '" + primitive.name + "' has material " + std::to_string(primitive.material) +
+           "; there are " + std::to_string(material_count_));
   } else if (primitive.material >= 0) {
     json["material"] = primitive.material;
   }
@@ -500,9 +511,9 @@ void refuse_if_too_large(const Draft& draft, std::int64_t targets) {
   const std::int64_t limit = std::min(draft.options.max_bytes, kLargestGlb);
   if (bytes <= limit) return;
   throw FileError(FileFault::resource, draft.path.string(),
-                  std::to_string(targets) + " morph targets make a file of " + std::to_string(bytes / 1'000'000) +
-                      " MB; expected at most " + std::to_string(limit / 1'000'000) +
-                      " MB (a sequence of OBJ files has no such limit)");
+                  std::to_string(targets) + " morph targets make a file of " +
+                      std::to_string(bytes / 1'000'000) + " MB; expected at most " +
+                      std::to_string(limit / 1'000'000) + " MB (a sequence of OBJ files has no such limit)");
 }
 
 void put_errors(const ShapeError& error, double diagonal, GltfWriteReport& report) {
@@ -523,8 +534,10 @@ int add_rigid_node(Draft& draft, const RigidMotion& motion, int times) {
     centres.insert(centres.end(), motion.centres[f].data(), motion.centres[f].data() + 3);
   }
   Document& document = draft.document;
-  document.add_channel(document.add_sampler(times, document.add_keys(centres, 3), "LINEAR"), node, "translation");
-  document.add_channel(document.add_sampler(times, document.add_keys(rotations, 4), "LINEAR"), node, "rotation");
+  document.add_channel(document.add_sampler(times, document.add_keys(centres, 3), "LINEAR"), node,
+                       "translation");
+  document.add_channel(document.add_sampler(times, document.add_keys(rotations, 4), "LINEAR"), node,
+                       "rotation");
   return node;
 }
 
@@ -535,9 +548,10 @@ void add_pca_targets(Draft& draft, const RigidMotion& motion, const MorphClip& c
   for (int k = 0; k < clip.target_count(); ++k) {
     const auto index = static_cast<std::size_t>(k);
     const bool offset = clip.has_offset && k == 0;
-    draft.geometry.add_target(clip.targets[index],
-                              normals.empty() ? std::span<const float>() : std::span<const float>(normals[index]),
-                              offset ? "offset" : numbered("component_", k));
+    draft.geometry.add_target(
+        clip.targets[index],
+        normals.empty() ? std::span<const float>() : std::span<const float>(normals[index]),
+        offset ? "offset" : numbered("component_", k));
   }
 }
 
@@ -605,8 +619,9 @@ ShapeError measure_exact(std::span<const float> rest, FrameSpan frames, std::spa
         const std::size_t at = i + axis;
         const double stored_a = static_cast<double>(a[at] - rest[at]);
         const double stored_b = static_cast<double>(b[at] - rest[at]);
-        difference[static_cast<Eigen::Index>(axis)] = static_cast<double>(rest[at]) + (1.0 - share) * stored_a +
-                                                      share * stored_b - static_cast<double>(truth[at]);
+        difference[static_cast<Eigen::Index>(axis)] = static_cast<double>(rest[at]) +
+                                                      (1.0 - share) * stored_a + share * stored_b -
+                                                      static_cast<double>(truth[at]);
       }
       statistics.add(difference.norm());
     }
@@ -650,7 +665,8 @@ void add_toggle(Document& document, int node, const Chunk& chunk, std::span<cons
   if (chunk.first > 0) put(times.front(), 0.0F);
   put(times[chunk.first], 1.0F);
   if (chunk.last + 1 < times.size()) put(times[chunk.last], 0.0F);
-  const int sampler = document.add_sampler(document.add_keys(keys, 1, true), document.add_keys(scales, 3), "STEP");
+  const int sampler =
+      document.add_sampler(document.add_keys(keys, 1, true), document.add_keys(scales, 3), "STEP");
   document.add_channel(sampler, node, "scale");
 }
 
@@ -694,20 +710,23 @@ void write_exact(Draft& draft, GltfWriteReport& report) {
 
 void warn(const MeshAsset& asset, GltfWriteReport& report) {
   const bool tangents = std::ranges::any_of(asset.primitives, [](const SourcePrimitive& primitive) {
-    return std::ranges::any_of(primitive.attributes, [](const VertexAttribute& a) { return a.name == "TANGENT"; });
+    return std::ranges::any_of(primitive.attributes,
+                               [](const VertexAttribute& a) { return a.name == "TANGENT"; });
   });
   if (tangents)
     report.warnings.push_back(
         "W_GLTF_STATIC_TANGENTS: the source's tangents are written as they are and do not follow the motion");
   if (report.bytes > kUnhandyBytes)
-    report.warnings.push_back("W_GLTF_LARGE: " + std::to_string(report.bytes / 1'000'000) +
-                              " MB of morph targets; viewers need several times that memory (a sequence of OBJ "
-                              "files, or the pca kind, is easier to open)");
+    report.warnings.push_back(
+        "W_GLTF_LARGE: " + std::to_string(report.bytes / 1'000'000) +
+        " MB of morph targets; viewers need several times that memory (a sequence of OBJ "
+        "files, or the pca kind, is easier to open)");
 }
 
 }  // namespace
 
-GltfWriter::GltfWriter(const MeshAsset& asset, const GltfWriterOptions& options) : asset_(asset), options_(options) {
+GltfWriter::GltfWriter(const MeshAsset& asset, const GltfWriterOptions& options)
+    : asset_(asset), options_(options) {
   check_options(options);
   check_asset(asset);
 }
@@ -716,8 +735,8 @@ void GltfWriter::add_frame(const Eigen::Ref<const Field3>& positions) {
   const Eigen::Index count = asset_.mesh.vertex_count();
   const std::string where = "GltfWriter::add_frame: frame " + std::to_string(frames_.size());
   if (positions.rows() < count)
-    throw std::invalid_argument(where + " has " + std::to_string(positions.rows()) + " positions; expected at least " +
-                                std::to_string(count));
+    throw std::invalid_argument(where + " has " + std::to_string(positions.rows()) +
+                                " positions; expected at least " + std::to_string(count));
   std::vector<float> frame(3 * static_cast<std::size_t>(count));
   Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>> floats(frame.data(), count, 3);
   floats = positions.topRows(count).cast<float>();
@@ -736,7 +755,8 @@ GltfWriteReport GltfWriter::write(const std::filesystem::path& path) const {
   } else {
     write_exact(draft, report);
   }
-  report.bytes = write_glb(path, document.text(options_.animation_name, geometry.appearance()), document.binary);
+  report.bytes =
+      write_glb(path, document.text(options_.animation_name, geometry.appearance()), document.binary);
   warn(asset_, report);
   return report;
 }

@@ -18,10 +18,11 @@ enum class GltfKind {
 struct GltfWriterOptions {
   GltfKind kind = GltfKind::pca;
   double frames_per_second = 30.0;
-  int max_targets = 63;          ///< pca: including the offset target; 2 to 63
-  double tolerance = 1e-3;       ///< pca: fewest targets whose error (p99.9, share of the diagonal) stays below
-  double key_tolerance = 0.0;    ///< exact: frames that interpolation gives to this share of the diagonal are dropped
-  bool normals = true;           ///< false: no normals, half the size; viewers then shade flat
+  int max_targets = 63;     ///< pca: including the offset target; 2 to 63
+  double tolerance = 1e-3;  ///< pca: fewest targets whose error (p99.9, share of the diagonal) stays below
+  double key_tolerance =
+      0.0;              ///< exact: frames that interpolation gives to this share of the diagonal are dropped
+  bool normals = true;  ///< false: no normals, half the size; viewers then shade flat
   std::string animation_name = "animation";
   std::int64_t max_bytes = 4'000'000'000;  ///< refused before writing when the file would be larger
 };
@@ -29,7 +30,7 @@ struct GltfWriterOptions {
 /// What was written; errors measured on the stored numbers, as shares of the rest bounding-box diagonal.
 struct GltfWriteReport {
   std::int64_t bytes = 0;
-  int targets = 0;   ///< distinct ones; in exact mode as many as kept frames
+  int targets = 0;  ///< distinct ones; in exact mode as many as kept frames
   double max_error = 0.0;
   double p999_error = 0.0;
   double rms_error = 0.0;

@@ -17,7 +17,8 @@ bool interpolation_gives(FrameSpan frames, int from, int to, int frame, double t
   for (std::size_t i = 0; i + 2 < truth.size(); i += 3) {
     double squared = 0.0;
     for (std::size_t axis = i; axis < i + 3; ++axis) {
-      const double between = (1.0 - share) * static_cast<double>(a[axis]) + share * static_cast<double>(b[axis]);
+      const double between =
+          (1.0 - share) * static_cast<double>(a[axis]) + share * static_cast<double>(b[axis]);
       const double difference = between - static_cast<double>(truth[axis]);
       squared += difference * difference;
     }

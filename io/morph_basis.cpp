@@ -28,7 +28,8 @@ constexpr int kHistogramShift = 12;  // 11 of 23 mantissa bits stay: bins 0.05 p
 Eigen::Vector3f centre_of(std::span<const float> positions) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   const std::size_t count = positions.size() / 3;
-  for (std::size_t i = 0; i < count; ++i) sum += Eigen::Map<const Eigen::Vector3f>(&positions[3 * i]).cast<double>();
+  for (std::size_t i = 0; i < count; ++i)
+    sum += Eigen::Map<const Eigen::Vector3f>(&positions[3 * i]).cast<double>();
   return (sum / static_cast<double>(std::max<std::size_t>(count, 1))).cast<float>();
 }
 
@@ -110,9 +111,9 @@ void for_each_block(int vertex_count, const Visit& visit) {
 
 /// Mean and orthonormal directions (columns), strongest first; coefficients of all frames in them.
 struct PrincipalComponents {
-  Eigen::VectorXd mean;           ///< 3 * vertex_count
-  Eigen::MatrixXf directions;     ///< 3 * vertex_count x component_count
-  Eigen::MatrixXd coefficients;   ///< component_count x frame_count
+  Eigen::VectorXd mean;          ///< 3 * vertex_count
+  Eigen::MatrixXf directions;    ///< 3 * vertex_count x component_count
+  Eigen::MatrixXd coefficients;  ///< component_count x frame_count
 };
 
 /// Columns turn centred picked frames into unit directions: eigenvectors of their Gram matrix over
@@ -131,10 +132,12 @@ Eigen::MatrixXd combinations(const Displacements& displacements, std::span<const
   const double strongest = eigen.eigenvalues()(count - 1);
   const double floor = std::max(kWeakestVariance * strongest, options.smallest * options.smallest);
   std::vector<Eigen::VectorXd> columns;
-  for (Eigen::Index k = count - 1; k >= 0 && static_cast<int>(columns.size()) < options.max_targets - 1; --k) {
+  for (Eigen::Index k = count - 1; k >= 0 && static_cast<int>(columns.size()) < options.max_targets - 1;
+       --k) {
     if (!(eigen.eigenvalues()(k) > floor)) break;
     Eigen::VectorXd vector = eigen.eigenvectors().col(k);
-    // An eigenvector's sign is arbitrary; its largest entry decides, so that it does not depend on the solver.
+    // An eigenvector's sign is arbitrary; its largest entry decides, so that it does not depend on the
+    // solver.
     Eigen::Index largest = 0;
     vector.cwiseAbs().maxCoeff(&largest);
     if (vector(largest) < 0.0) vector = -vector;
@@ -145,7 +148,9 @@ Eigen::MatrixXd combinations(const Displacements& displacements, std::span<const
   return result;
 }
 
-std::vector<int> all_frames(int count) { return evenly_picked(count, count); }
+std::vector<int> all_frames(int count) {
+  return evenly_picked(count, count);
+}
 
 PrincipalComponents principal_components(const Displacements& displacements, const MorphOptions& options) {
   const std::vector<int> picked = evenly_picked(displacements.frame_count(), kBasisFrames);
@@ -241,7 +246,8 @@ MorphClip with_weights_from_zero_to_one(const PrincipalComponents& components, i
   for (Eigen::Index f = 0; f < components.coefficients.cols(); ++f) {
     if (clip.has_offset) clip.weights.push_back(1.0F);
     for (const Range& range : ranges) {
-      const double share = (components.coefficients(range.component, f) - range.low) / (range.high - range.low);
+      const double share =
+          (components.coefficients(range.component, f) - range.low) / (range.high - range.low);
       clip.weights.push_back(std::clamp(static_cast<float>(share), 0.0F, 1.0F));
     }
   }
@@ -313,7 +319,8 @@ ShapeError measure_morph_clip(std::span<const float> rest, FrameSpan frames, con
     displacements.load(first, vertices, every, block);
     targets.resize(3 * vertices, target_count);
     for (Eigen::Index k = 0; k < target_count; ++k) {
-      const float* target = clip.targets[static_cast<std::size_t>(k)].data() + 3 * static_cast<std::size_t>(first);
+      const float* target =
+          clip.targets[static_cast<std::size_t>(k)].data() + 3 * static_cast<std::size_t>(first);
       targets.col(k) = Eigen::Map<const Eigen::VectorXf>(target, 3 * vertices).cast<double>();
     }
     block.noalias() -= targets * weights;

@@ -48,7 +48,8 @@ std::vector<std::vector<float>> fit_morph_normals(const SurfaceNormals& normals,
     sums.noalias() += block.leftCols(count) * shares.middleRows(first, count);
   }
   std::vector<std::vector<float>> result;
-  for (Eigen::Index k = 0; k < targets; ++k) result.emplace_back(sums.col(k).data(), sums.col(k).data() + rows);
+  for (Eigen::Index k = 0; k < targets; ++k)
+    result.emplace_back(sums.col(k).data(), sums.col(k).data() + rows);
   return result;
 }
 

@@ -50,7 +50,9 @@ std::vector<double> volume_ratios(const Report& report) {
   return collect(report, [](const FrameRecord& frame) { return frame.volume_ratio; });
 }
 
-double lowest(const std::vector<double>& values) { return values.empty() ? 0.0 : *std::ranges::min_element(values); }
+double lowest(const std::vector<double>& values) {
+  return values.empty() ? 0.0 : *std::ranges::min_element(values);
+}
 
 double worst_residual(const Report& report) {
   return spread_of(collect(report, [](const FrameRecord& frame) { return frame.report.residual; })).max;
@@ -75,7 +77,8 @@ Json json_of(const Spread& spread) {
 Json inputs_json(const Report& report) {
   Json list = Json::array();
   for (const InputRecord& input : report.inputs)
-    list.push_back({{"role", input.role}, {"path", input.path}, {"bytes", input.bytes}, {"sha256", input.sha256}});
+    list.push_back(
+        {{"role", input.role}, {"path", input.path}, {"bytes", input.bytes}, {"sha256", input.sha256}});
   return list;
 }
 
@@ -131,9 +134,12 @@ Json summary_json(const Report& report) {
 Json output_json(const Report& report) {
   if (report.output.empty()) return nullptr;
   const GltfWriteReport& written = report.written;
-  return {{"path", report.output},           {"bytes", written.bytes},
-          {"write_ms", report.write_milliseconds}, {"targets", written.targets},
-          {"max_error", written.max_error},  {"p999_error", written.p999_error},
+  return {{"path", report.output},
+          {"bytes", written.bytes},
+          {"write_ms", report.write_milliseconds},
+          {"targets", written.targets},
+          {"max_error", written.max_error},
+          {"p999_error", written.p999_error},
           {"rms_error", written.rms_error}};
 }
 
@@ -173,12 +179,13 @@ void print_frames(std::ostream& out, const Report& report) {
   for (int stage = 0; stage < kFrameStageCount; ++stage)
     print_milliseconds(out, stage_name(static_cast<FrameStage>(stage)), stage_spread(report, stage));
   const Spread cycles = cycle_spread(report);
-  out << line("solver   cycles median %.0f, max %.0f; worst residual %.1e; %zu frames short of the tolerance\n",
-              cycles.median, cycles.max, worst_residual(report), unconverged_frames(report).size());
+  out << line(
+      "solver   cycles median %.0f, max %.0f; worst residual %.1e; %zu frames short of the tolerance\n",
+      cycles.median, cycles.max, worst_residual(report), unconverged_frames(report).size());
   const std::vector<double> volumes = volume_ratios(report);
   const Spread volume = spread_of(volumes);
-  out << line("volume   %.1f %% to %.1f %% of rest, median %.1f %%\n", 100.0 * lowest(volumes), 100.0 * volume.max,
-              100.0 * volume.median);
+  out << line("volume   %.1f %% to %.1f %% of rest, median %.1f %%\n", 100.0 * lowest(volumes),
+              100.0 * volume.max, 100.0 * volume.median);
 }
 
 }  // namespace

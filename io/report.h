@@ -15,8 +15,8 @@ namespace sinew {
 
 /// A file that went in, named by its content.
 struct InputRecord {
-  std::string role;    ///< "mesh", "clip", "rig"
-  std::string path;    ///< as the user gave it
+  std::string role;  ///< "mesh", "clip", "rig"
+  std::string path;  ///< as the user gave it
   std::int64_t bytes = 0;
   std::string sha256;
 };
@@ -24,10 +24,10 @@ struct InputRecord {
 InputRecord describe_input(const std::string& role, const std::filesystem::path& path);
 
 struct MachineRecord {
-  std::string processor;     ///< as the system names it; "unknown" where it does not
+  std::string processor;  ///< as the system names it; "unknown" where it does not
   int hardware_threads = 0;
-  int threads = 0;           ///< that the run used
-  bool native = false;       ///< compiled for the building machine's processor
+  int threads = 0;      ///< that the run used
+  bool native = false;  ///< compiled for the building machine's processor
 };
 MachineRecord describe_machine(int threads);
 
@@ -57,11 +57,11 @@ struct Report {
   std::vector<std::pair<std::string, std::string>> options;  ///< as resolved, in the order to show
   MachineRecord machine;
   std::vector<std::string> warnings;
-  TimingReport setup;                 ///< stages before the first frame
+  TimingReport setup;  ///< stages before the first frame
   SizeRecord sizes;
   std::vector<FrameRecord> frames;
-  double frames_milliseconds = 0.0;   ///< wall time of all frames together
-  std::string output;                 ///< path written; empty: none
+  double frames_milliseconds = 0.0;  ///< wall time of all frames together
+  std::string output;                ///< path written; empty: none
   GltfWriteReport written;
   double write_milliseconds = 0.0;
   std::int64_t peak_memory_bytes = 0;

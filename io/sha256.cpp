@@ -1,4 +1,5 @@
-// FIPS 180-4, Secure Hash Standard, sections 5 and 6.2. The names of the working variables are the standard's.
+// FIPS 180-4, Secure Hash Standard, sections 5 and 6.2. The names of the working variables are the
+// standard's.
 #include "io/sha256.h"
 
 #include <algorithm>
@@ -26,7 +27,8 @@ using State = std::array<std::uint32_t, 8>;
 
 void digest_block(std::span<const std::byte> block, State& state) {
   std::array<std::uint32_t, 64> w{};
-  for (std::size_t t = 0; t < kBlock; ++t) w[t / 4] = w[t / 4] << 8 | std::to_integer<std::uint32_t>(block[t]);
+  for (std::size_t t = 0; t < kBlock; ++t)
+    w[t / 4] = w[t / 4] << 8 | std::to_integer<std::uint32_t>(block[t]);
   for (std::size_t t = 16; t < 64; ++t) {
     const std::uint32_t s0 = std::rotr(w[t - 15], 7) ^ std::rotr(w[t - 15], 18) ^ w[t - 15] >> 3;
     const std::uint32_t s1 = std::rotr(w[t - 2], 17) ^ std::rotr(w[t - 2], 19) ^ w[t - 2] >> 10;
@@ -54,7 +56,8 @@ void digest_block(std::span<const std::byte> block, State& state) {
 }  // namespace
 
 std::string sha256(std::span<const std::byte> bytes) {
-  State state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+  State state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
   const std::uint64_t bits = 8 * static_cast<std::uint64_t>(bytes.size());
   while (bytes.size() >= kBlock) {
     digest_block(bytes.first(kBlock), state);

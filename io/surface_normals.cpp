@@ -31,8 +31,10 @@ Eigen::Vector3d read_normal(const VertexAttribute& attribute, int vertex) {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   for (int axis = 0; axis < 3; ++axis) {
     const auto index = static_cast<std::size_t>(3 * vertex + axis);
-    if (attribute.component_type == 5120) normal[axis] = component<std::int8_t>(&attribute.data[index], 127.0);
-    if (attribute.component_type == 5122) normal[axis] = component<std::int16_t>(&attribute.data[2 * index], 32767.0);
+    if (attribute.component_type == 5120)
+      normal[axis] = component<std::int8_t>(&attribute.data[index], 127.0);
+    if (attribute.component_type == 5122)
+      normal[axis] = component<std::int16_t>(&attribute.data[2 * index], 32767.0);
     if (attribute.component_type == 5126) {
       float value = 0.0F;
       std::memcpy(&value, &attribute.data[4 * index], sizeof value);
@@ -60,7 +62,8 @@ std::vector<Eigen::Vector3d> normals_of_source(const MeshAsset& asset) {
 }
 
 /// `normal` turned by the smallest rotation that takes unit vector `from` to unit vector `to`.
-Eigen::Vector3d carried(const Eigen::Vector3d& normal, const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+Eigen::Vector3d carried(const Eigen::Vector3d& normal, const Eigen::Vector3d& from,
+                        const Eigen::Vector3d& to) {
   const Eigen::Vector3d axis = from.cross(to);
   const double cosine = from.dot(to);
   // Opposite vectors have no smallest turn; the computed normal is the best there is.
@@ -134,8 +137,8 @@ void SurfaceNormals::sum_area_normals(std::span<const double> positions, std::sp
   std::ranges::fill(sums, 0.0);
   for (const std::array<Corner, 3>& corners : triangles_) {
     const Eigen::Vector3d a = vector_at(positions, corners[0].vertex);
-    const Eigen::Vector3d normal = (vector_at(positions, corners[1].vertex) - a)
-                                       .cross(vector_at(positions, corners[2].vertex) - a);
+    const Eigen::Vector3d normal =
+        (vector_at(positions, corners[1].vertex) - a).cross(vector_at(positions, corners[2].vertex) - a);
     for (const Corner& corner : corners) vector_at(sums, corner.group) += normal;
   }
   for (std::size_t i = 0; i + 2 < sums.size(); i += 3) {

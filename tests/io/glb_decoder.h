@@ -40,8 +40,9 @@ class GlbDecoder {
     const auto& a = json["accessors"][accessor];
     const auto& view = json["bufferViews"][a["bufferView"].get<int>()];
     const int size = components(a) * component_size(a);
-    const std::size_t at = binary_ + view["byteOffset"].get<std::size_t>() + a["byteOffset"].get<std::size_t>() +
-                           static_cast<std::size_t>(i) * view.value("byteStride", static_cast<std::size_t>(size));
+    const std::size_t at =
+        binary_ + view["byteOffset"].get<std::size_t>() + a["byteOffset"].get<std::size_t>() +
+        static_cast<std::size_t>(i) * view.value("byteStride", static_cast<std::size_t>(size));
     return {bytes_.data() + at, static_cast<std::size_t>(size)};
   }
 
@@ -70,7 +71,8 @@ class GlbDecoder {
       const auto first = outputs.begin() + static_cast<std::ptrdiff_t>(i) * width;
       return std::vector<double>(first, first + width);
     };
-    const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
+    const auto after =
+        static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), time) - times.begin());
     if (after == 0) return key(0);
     if (after == times.size() || sampler["interpolation"] == "STEP") return key(after - 1);
     const double share = (time - times[after - 1]) / (times[after] - times[after - 1]);
@@ -105,7 +107,8 @@ class GlbDecoder {
     std::uint16_t half = 0;
     std::uint32_t whole = 0;
     if (type == 5126) return std::memcpy(&real, at, 4), static_cast<double>(real);
-    if (type == 5121) return std::memcpy(&byte, at, 1), accessor.value("normalized", false) ? byte / 255.0 : byte;
+    if (type == 5121)
+      return std::memcpy(&byte, at, 1), accessor.value("normalized", false) ? byte / 255.0 : byte;
     if (type == 5123) return std::memcpy(&half, at, 2), half;
     return std::memcpy(&whole, at, 4), whole;
   }
@@ -114,7 +117,8 @@ class GlbDecoder {
     for (const auto& animation : json.value("animations", nlohmann::json::array()))
       for (const auto& channel : animation["channels"])
         if (channel["target"]["node"] == node && channel["target"]["path"] == path)
-          return sample(animation["samplers"][channel["sampler"].get<int>()], time, static_cast<int>(rest.size()));
+          return sample(animation["samplers"][channel["sampler"].get<int>()], time,
+                        static_cast<int>(rest.size()));
     return rest;
   }
 
@@ -123,7 +127,8 @@ class GlbDecoder {
     const auto t = property(node, "translation", time, n.value("translation", std::vector<double>{0, 0, 0}));
     const auto r = property(node, "rotation", time, n.value("rotation", std::vector<double>{0, 0, 0, 1}));
     const auto s = property(node, "scale", time, n.value("scale", std::vector<double>{1, 1, 1}));
-    const Eigen::Matrix3d rotation = Eigen::Quaterniond(r[3], r[0], r[1], r[2]).normalized().toRotationMatrix();
+    const Eigen::Matrix3d rotation =
+        Eigen::Quaterniond(r[3], r[0], r[1], r[2]).normalized().toRotationMatrix();
     Eigen::Affine3d local;
     local.translation() << t[0], t[1], t[2];
     local.linear() = rotation * Eigen::Vector3d(s[0], s[1], s[2]).asDiagonal();

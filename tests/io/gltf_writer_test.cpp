@@ -32,13 +32,16 @@ std::filesystem::path folder() {
 }
 
 /// As the file has it: a float.
-double key_time(int frame) { return static_cast<double>(static_cast<float>(frame / kFramesPerSecond)); }
+double key_time(int frame) {
+  return static_cast<double>(static_cast<float>(frame / kFramesPerSecond));
+}
 
 using Clip = std::vector<Field3>;
 
 Clip clip_of(const MeshAsset& asset, int frames) {
   Clip clip;
-  for (int frame = 0; frame < frames; ++frame) clip.push_back(tube::moved(asset.mesh.positions, frame / kFramesPerSecond));
+  for (int frame = 0; frame < frames; ++frame)
+    clip.push_back(tube::moved(asset.mesh.positions, frame / kFramesPerSecond));
   return clip;
 }
 
@@ -56,12 +59,15 @@ double farthest(const GlbDecoder& file, double time, const MeshAsset& asset, con
   double distance = 0.0;
   for (std::size_t row = 0; row < std::min(shape.positions.size(), asset.vertex_of_source.size()); ++row) {
     const int vertex = asset.vertex_of_source[row];
-    if (vertex >= 0) distance = std::max(distance, (shape.positions[row] - truth.row(vertex).transpose()).norm());
+    if (vertex >= 0)
+      distance = std::max(distance, (shape.positions[row] - truth.row(vertex).transpose()).norm());
   }
   return distance;
 }
 
-double diagonal(const MeshAsset& asset) { return bounds(asset.mesh).diagonal(); }
+double diagonal(const MeshAsset& asset) {
+  return bounds(asset.mesh).diagonal();
+}
 
 /// Area-weighted normals of the welded surface, unit, one a vertex.
 Field3 vertex_normals(const TriMesh& mesh, const Field3& positions) {
@@ -126,7 +132,8 @@ TEST(GltfWriterPca, takes_no_more_targets_than_the_tolerance_needs) {
   const Clip clip = clip_of(asset, 50);
   const auto path = folder() / "fewest.glb";
   const GltfWriteReport enough = write(asset, {.tolerance = 1e-3}, clip, path);
-  const GltfWriteReport fewer = write(asset, {.max_targets = enough.targets - 1, .tolerance = 1e-3}, clip, path);
+  const GltfWriteReport fewer =
+      write(asset, {.max_targets = enough.targets - 1, .tolerance = 1e-3}, clip, path);
   EXPECT_EQ(fewer.targets, enough.targets - 1);
   EXPECT_GT(fewer.p999_error, 1e-3);
 }
@@ -138,7 +145,8 @@ TEST(GltfWriterPca, stays_below_the_limit_of_targets_when_the_tolerance_cannot_b
   // Shaking of its own at every vertex and frame: as many components as frames.
   for (std::size_t frame = 0; frame < clip.size(); ++frame)
     for (Eigen::Index i = 0; i < clip[frame].size(); ++i)
-      clip[frame].data()[i] += 0.01 * std::sin(static_cast<double>(frame * frame + 7) * static_cast<double>(i + 1));
+      clip[frame].data()[i] +=
+          0.01 * std::sin(static_cast<double>(frame * frame + 7) * static_cast<double>(i + 1));
   EXPECT_EQ(write(asset, {.tolerance = 0.0}, clip, path).targets, 63);
   EXPECT_EQ(write(asset, {.max_targets = 5, .tolerance = 0.0}, clip, path).targets, 5);
 }
@@ -239,7 +247,8 @@ TEST_P(GltfWriterExact, recovers_every_key_and_the_way_between) {
         << "after frame " << frame;
   }
 }
-INSTANTIATE_TEST_SUITE_P(around_the_chunk_of_63, GltfWriterExact, testing::Values(1, 2, 62, 63, 64, 125, 126, 130));
+INSTANTIATE_TEST_SUITE_P(around_the_chunk_of_63, GltfWriterExact,
+                         testing::Values(1, 2, 62, 63, 64, 125, 126, 130));
 
 TEST(GltfWriterExactKind, drops_keys_only_where_interpolation_gives_them) {
   const MeshAsset asset = tube::asset(true, 3, 5);
@@ -247,7 +256,8 @@ TEST(GltfWriterExactKind, drops_keys_only_where_interpolation_gives_them) {
   for (int frame = 0; frame < 90; ++frame) clip.push_back(tube::moved(asset.mesh.positions, frame / 150.0));
   const auto path = folder() / "keys.glb";
   const double tolerance = 1e-3;
-  const GltfWriteReport report = write(asset, {.kind = GltfKind::exact, .key_tolerance = tolerance}, clip, path);
+  const GltfWriteReport report =
+      write(asset, {.kind = GltfKind::exact, .key_tolerance = tolerance}, clip, path);
   EXPECT_LT(report.targets, 60);
   EXPECT_LE(report.max_error, tolerance * 1.0001);
   const GlbDecoder file(path);
@@ -293,7 +303,8 @@ TEST(GltfWriterExactKind, hard_edges_stay_hard) {
     const Eigen::Vector3d b = asset.source_positions.row(face == 0 ? 2 : 5);
     const Eigen::Vector3d c = asset.source_positions.row(face == 0 ? 1 : 4);
     const Eigen::Vector3f normal = (b - a).cross(c - a).normalized().cast<float>();
-    for (int corner = 0; corner < 3; ++corner) normals.insert(normals.end(), normal.data(), normal.data() + 3);
+    for (int corner = 0; corner < 3; ++corner)
+      normals.insert(normals.end(), normal.data(), normal.data() + 3);
   }
   primitive.attributes.push_back(tube::attribute("NORMAL", 5126, 3, false, normals));
   asset.primitives.push_back(primitive);
@@ -344,7 +355,8 @@ TEST_P(GltfWriterBothKinds, attributes_indices_and_materials_survive_to_the_byte
   EXPECT_EQ(file.json["images"][0]["mimeType"], "image/png");
   const std::string image = file.view_bytes(file.json["images"][0]["bufferView"]);
   const auto& source = asset.images[0].bytes;
-  EXPECT_EQ(image.substr(0, source.size()), std::string(reinterpret_cast<const char*>(source.data()), source.size()));
+  EXPECT_EQ(image.substr(0, source.size()),
+            std::string(reinterpret_cast<const char*>(source.data()), source.size()));
 }
 
 TEST_P(GltfWriterBothKinds, normals_at_rest_are_the_sources) {
@@ -357,7 +369,8 @@ TEST_P(GltfWriterBothKinds, normals_at_rest_are_the_sources) {
   std::vector<float> expected(source.size() / 4);
   std::memcpy(expected.data(), source.data(), source.size());
   ASSERT_EQ(normals.size(), expected.size());
-  for (std::size_t i = 0; i < normals.size(); ++i) EXPECT_FLOAT_EQ(static_cast<float>(normals[i]), expected[i]);
+  for (std::size_t i = 0; i < normals.size(); ++i)
+    EXPECT_FLOAT_EQ(static_cast<float>(normals[i]), expected[i]);
 }
 
 TEST_P(GltfWriterBothKinds, a_mesh_without_normals_gets_smooth_unit_ones) {
@@ -379,7 +392,8 @@ TEST_P(GltfWriterBothKinds, a_still_clip_stands_still) {
   const MeshAsset asset = tube::asset();
   const auto path = folder() / "still.glb";
   for (const std::size_t frames : {1U, 2U, 70U}) {
-    const GltfWriteReport report = write(asset, {.kind = GetParam()}, Clip(frames, asset.mesh.positions), path);
+    const GltfWriteReport report =
+        write(asset, {.kind = GetParam()}, Clip(frames, asset.mesh.positions), path);
     EXPECT_LT(report.max_error, 1e-7);
     const GlbDecoder file(path);
     for (const int frame : {0, static_cast<int>(frames) - 1})
@@ -429,7 +443,8 @@ TEST_P(GltfWriterBothKinds, a_file_above_the_limit_is_refused_before_it_is_writt
   const GltfWriterOptions options{.kind = GetParam(), .tolerance = 1e-6, .max_bytes = 20'000};
   const std::string message = message_of([&] { write(asset, options, clip_of(asset, 30), path); });
   EXPECT_NE(message.find("morph targets make a file of"), std::string::npos) << message;
-  EXPECT_NE(message.find("expected at most 0 MB (a sequence of OBJ files has no such limit)"), std::string::npos);
+  EXPECT_NE(message.find("expected at most 0 MB (a sequence of OBJ files has no such limit)"),
+            std::string::npos);
   EXPECT_FALSE(std::filesystem::exists(path));
 }
 
@@ -454,8 +469,8 @@ TEST(GltfWriterRefuses, frames_that_are_short_or_not_finite) {
   GltfWriter writer(asset, {});
   const int count = asset.mesh.vertex_count();
   EXPECT_EQ(message_of([&] { writer.add_frame(asset.mesh.positions.topRows(count - 1)); }),
-            "GltfWriter::add_frame: frame 0 has " + std::to_string(count - 1) + " positions; expected at least " +
-                std::to_string(count));
+            "GltfWriter::add_frame: frame 0 has " + std::to_string(count - 1) +
+                " positions; expected at least " + std::to_string(count));
   Field3 broken = asset.mesh.positions;
   broken(2, 1) = std::numeric_limits<double>::quiet_NaN();
   writer.add_frame(asset.mesh.positions);
@@ -515,8 +530,8 @@ TEST(GltfValidator, finds_no_fault_in_what_is_written) {
     write(asset, {.kind = kind}, Clip(3, asset.mesh.positions), files / (name + "_still.glb"));
   }
   const std::filesystem::path log = files / "log.txt";
-  const std::string command = "node '" SINEW_SOURCE_DIR "/tools/web/validate.mjs' '" + files.string() + "'/*.glb > '" +
-                              log.string() + "' 2>&1";
+  const std::string command = "node '" SINEW_SOURCE_DIR "/tools/web/validate.mjs' '" + files.string() +
+                              "'/*.glb > '" + log.string() + "' 2>&1";
   const int status = std::system(command.c_str());
   const int code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   if (code == 77 || code == 127) GTEST_SKIP() << "node or the npm module gltf-validator is not installed";
@@ -524,7 +539,8 @@ TEST(GltfValidator, finds_no_fault_in_what_is_written) {
   const std::string said(std::istreambuf_iterator<char>(text), {});
   EXPECT_EQ(code, 0) << said;
   std::size_t clean = 0;
-  for (std::size_t at = 0; (at = said.find(": 0 errors, 0 warnings,", at)) != std::string::npos; ++at) ++clean;
+  for (std::size_t at = 0; (at = said.find(": 0 errors, 0 warnings,", at)) != std::string::npos; ++at)
+    ++clean;
   EXPECT_EQ(clean, 14U) << said;
 }
 

@@ -14,7 +14,9 @@
 namespace sinew {
 namespace {
 
-std::string sha256_of(const std::string& text) { return sha256(std::as_bytes(std::span(text))); }
+std::string sha256_of(const std::string& text) {
+  return sha256(std::as_bytes(std::span(text)));
+}
 
 TEST(Sha256, gives_the_digests_of_the_standard) {
   EXPECT_EQ(sha256_of(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");

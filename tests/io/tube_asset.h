@@ -34,15 +34,16 @@ inline void add_ring(Rows& rows, double height, int sides) {
     const auto z = static_cast<float>(std::sin(angle));
     rows.positions.insert(rows.positions.end(), {0.25F * x, static_cast<float>(height), 0.25F * z});
     rows.normals.insert(rows.normals.end(), {x, 0.0F, z});
-    rows.coordinates.insert(rows.coordinates.end(),
-                            {static_cast<float>(side) / static_cast<float>(sides), static_cast<float>(height)});
+    rows.coordinates.insert(rows.coordinates.end(), {static_cast<float>(side) / static_cast<float>(sides),
+                                                     static_cast<float>(height)});
     rows.colours.insert(rows.colours.end(), {static_cast<std::uint8_t>(side), 100, 200});
     rows.heat.push_back(static_cast<float>(height) * 10.0F);
   }
 }
 
-inline sinew::SourcePrimitive part(const std::string& name, int material, int first_row, double low, double high,
-                                   int rings, int sides, bool with_normals, sinew::Field3& positions) {
+inline sinew::SourcePrimitive part(const std::string& name, int material, int first_row, double low,
+                                   double high, int rings, int sides, bool with_normals,
+                                   sinew::Field3& positions) {
   Rows rows;
   for (int ring = 0; ring < rings; ++ring) add_ring(rows, low + (high - low) * ring / (rings - 1), sides);
   sinew::SourcePrimitive primitive;
@@ -73,19 +74,19 @@ inline sinew::MeshAsset asset(bool with_normals = true, int rings = 9, int sides
   sinew::MeshAsset asset;
   asset.format = "glb";
   asset.primitives.push_back(part("leg", 1, 0, 0.0, 1.0, rings, sides, with_normals, asset.source_positions));
-  asset.primitives.push_back(
-      part("body", 0, static_cast<int>(asset.source_positions.rows()), 1.0, 2.0, rings, sides, with_normals,
-           asset.source_positions));
+  asset.primitives.push_back(part("body", 0, static_cast<int>(asset.source_positions.rows()), 1.0, 2.0, rings,
+                                  sides, with_normals, asset.source_positions));
   asset.appearance_json =
       R"({"materials":[{"name":"skin","pbrMetallicRoughness":{"baseColorTexture":{"index":0},"roughnessFactor":0.3}},)"
       R"({"name":"cloth","extensions":{"KHR_materials_ior":{"ior":1.4}}}],"textures":[{"sampler":0,"source":0}],)"
       R"("samplers":[{"wrapS":33071}],"images":[{"name":"paint","source":0}],"extensionsUsed":["KHR_materials_ior"]})";
   asset.images.push_back({"paint", "image/png", {}});
   // The smallest PNG there is: one grey pixel.
-  for (const int byte : {0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0, 0, 0, 0x0d, 0x49, 0x48, 0x44, 0x52, 0,
-                         0, 0, 1, 0, 0, 0, 1, 8, 0, 0, 0, 0, 0x3a, 0x7e, 0x9b, 0x55, 0, 0, 0, 0x0a, 0x49, 0x44,
-                         0x41, 0x54, 0x78, 0x9c, 0x63, 0x68, 0, 0, 0, 0x82, 0, 0x81, 0x4c, 0x17, 0xd7, 0xdf, 0, 0,
-                         0, 0, 0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82})
+  for (const int byte :
+       {0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0,    0,    0,    0x0d, 0x49, 0x48, 0x44, 0x52, 0,
+        0,    0,    1,    0,    0,    0,    1,    8,    0,    0,    0,    0,    0x3a, 0x7e, 0x9b, 0x55, 0,
+        0,    0,    0x0a, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0x68, 0,    0,    0,    0x82, 0,    0x81,
+        0x4c, 0x17, 0xd7, 0xdf, 0,    0,    0,    0,    0x49, 0x45, 0x4e, 0x44, 0xae, 0x42, 0x60, 0x82})
     asset.images.back().bytes.push_back(static_cast<std::byte>(byte));
   // A row that no triangle uses, as exporters leave behind.
   sinew::SourcePrimitive& body = asset.primitives.back();

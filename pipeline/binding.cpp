@@ -170,12 +170,14 @@ void add_field_constraints(const BoneRegions& regions, const Holds& holds, Bindi
 void add_position_constraints(const BoneRegions& regions, const Holds& spheres, const Holds* cores,
                               Binding& binding) {
   for (int node = spheres.first_node; node < spheres.node_count(); ++node) {
-    if (spheres.holds(node)) {
-      binding.spheres.push_back({node, spheres[node].holder});
-    } else if (cores != nullptr && cores->holds(node)) {
+    // Cores run up to the joints: inside a sphere a node near the axis would swing with the blended
+    // rotation and bend the bone's end.
+    if (cores != nullptr && cores->holds(node)) {
       const Hold& hold = (*cores)[node];
       const BoneSegment& segment = regions.segments[hold.holder];
       binding.cores.push_back({node, segment.bone, point_on(segment.axis, hold.along), segment.end_joint, hold.along});
+    } else if (spheres.holds(node)) {
+      binding.spheres.push_back({node, spheres[node].holder});
     }
   }
 }

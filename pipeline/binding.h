@@ -80,7 +80,7 @@ struct Binding {
   std::vector<FieldSource> fields;
   std::vector<FieldConstraint> field_constraints;    ///< sorted by node, then field
   std::vector<SphereConstraint> spheres;             ///< sorted by node; a node is held once
-  std::vector<CoreConstraint> cores;                 ///< sorted by node; none that is in `spheres`
+  std::vector<CoreConstraint> cores;                 ///< sorted by node; they run up to the joints, none is in `spheres`
   /// Components no bone reaches: each node of them follows a bone rigidly (node, bone), sorted by
   /// node. None of them is in the lists above.
   std::vector<std::pair<int, int>> glued;

@@ -1,6 +1,6 @@
 #include "pipeline/quality.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -14,7 +14,11 @@ namespace sinew {
 namespace {
 
 /// A joint's piece of body reaches this many local thicknesses from it.
-constexpr double kPatchReach = 2.0;
+constexpr double kPatchReach = 3.0;
+
+/// Edges shorter than this share of the mean one are left out of stretch: the ratio of two
+/// lengths near nothing says nothing about the shape.
+constexpr double kShortEdge = 0.1;
 
 /// Normals of a fold's two triangles are further apart than 120 degrees.
 constexpr double kFoldCosine = -0.5;
@@ -130,7 +134,7 @@ SurfacePatch patch_round(const TriMesh& mesh, const Eigen::Vector3d& center, dou
   return patch;
 }
 
-/// Weights of the nodes nearest to `target` that sum to one and average to it, the smallest such.
+/// Weights of the nodes nearest to `target` that sum to one and average to it.
 std::vector<std::pair<int, double>> carriers_of(const VolumeGraph& volume, const Eigen::Vector3d& target) {
   constexpr int wanted = 12;
   std::vector<std::pair<double, int>> nodes;
@@ -139,12 +143,19 @@ std::vector<std::pair<int, double>> carriers_of(const VolumeGraph& volume, const
   }
   const int count = std::min<int>(wanted, static_cast<int>(nodes.size()));
   std::partial_sort(nodes.begin(), nodes.begin() + count, nodes.end());
+  // Nearer nodes carry more: the least sum of squared weights times squared distances.
   const double reach = std::sqrt(std::max(nodes[count - 1].first, 1e-300));
   Eigen::Matrix<double, 4, Eigen::Dynamic> A(4, count);
+  Eigen::VectorXd nearness(count);
   for (int k = 0; k < count; ++k) {
-    A.col(k) << 1.0, (point(volume.rest_positions, nodes[k].second) - target) / reach;
+    const Eigen::Vector3d arm = (point(volume.rest_positions, nodes[k].second) - target) / reach;
+    constexpr double softness = 1e-6;
+    nearness[k] = 1.0 / (arm.squaredNorm() + softness);
+    A.col(k) << 1.0, arm;
   }
-  const Eigen::VectorXd weights = A.completeOrthogonalDecomposition().solve(Eigen::Vector4d(1, 0, 0, 0));
+  const Eigen::Matrix4d normal_matrix = A * nearness.asDiagonal() * A.transpose();
+  const Eigen::Vector4d multipliers = normal_matrix.ldlt().solve(Eigen::Vector4d(1, 0, 0, 0));
+  const Eigen::VectorXd weights = nearness.cwiseProduct(A.transpose() * multipliers);
   std::vector<std::pair<int, double>> carriers;
   for (int k = 0; k < count; ++k) carriers.emplace_back(nodes[k].second, weights[k]);
   return carriers;
@@ -241,14 +252,15 @@ double QualityMeter::local_volume_ratio(int joint, const Field3& positions) cons
 }
 
 EdgeStretch QualityMeter::edge_stretch(const Field3& positions) const {
+  const double shortest = kShortEdge * mean_edge_length(rig_.mesh);
   std::vector<double> ratios;
   for (const SurfaceEdge& edge : edges_) {
-    if (edge.rest_length <= 0.0) continue;
+    if (edge.rest_length <= shortest) continue;
     ratios.push_back((positions.row(edge.a) - positions.row(edge.b)).norm() / edge.rest_length);
   }
   if (ratios.empty()) return {};
   std::sort(ratios.begin(), ratios.end());
-  const auto at = [&](double share) { return ratios[static_cast<std::size_t>(share * (ratios.size() - 1.0))]; };
+  const auto at = [&](double share) { return ratios[static_cast<std::size_t>(share * static_cast<double>(ratios.size() - 1))]; };
   return {at(0.01), at(0.99), ratios.front(), ratios.back()};
 }
 

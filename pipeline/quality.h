@@ -31,7 +31,7 @@ class QualityMeter {
   /// Enclosed volume over the rest one.
   double volume_ratio(const Field3& positions) const;
 
-  /// Volume of the piece of body within two local thicknesses of the joint, its cuts closed flat, over the
+  /// Volume of the piece of body within three local thicknesses of the joint, its cuts closed flat, over the
   /// rest one. 1 for a joint outside the body.
   double local_volume_ratio(int joint, const Field3& positions) const;
 

@@ -13,5 +13,4 @@ configure_package_config_file(cmake/sinewConfig.cmake.in ${PROJECT_BINARY_DIR}/s
                               INSTALL_DESTINATION ${SINEW_CONFIG_FOLDER})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/sinewConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/sinewConfig.cmake ${PROJECT_BINARY_DIR}/sinewConfigVersion.cmake
-              cmake/FindCHOLMOD.cmake
         DESTINATION ${SINEW_CONFIG_FOLDER})

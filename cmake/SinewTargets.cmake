@@ -30,6 +30,9 @@ function(sinew_library name)
   add_library(sinew::${name} ALIAS ${name})
   set_target_properties(${name} PROPERTIES OUTPUT_NAME sinew_${name})
   target_compile_features(${name} PUBLIC cxx_std_20)
+  # Eigen aligns its memory as the compiler's flags suggest; whoever links us must align it as we do,
+  # with -march=native or without.
+  target_compile_definitions(${name} PUBLIC EIGEN_MAX_ALIGN_BYTES=32)
   target_include_directories(${name} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>

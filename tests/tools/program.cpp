@@ -24,7 +24,7 @@ std::filesystem::path scratch(const std::string& name) {
   return folder;
 }
 
-Run run_sinew(const std::vector<std::string>& arguments) {
+ProgramRun run_sinew(const std::vector<std::string>& arguments) {
   const auto folder = scratch("streams");
   const std::string out = folder / "out";
   const std::string err = folder / "err";
@@ -43,7 +43,7 @@ Run run_sinew(const std::vector<std::string>& arguments) {
   int status = 0;
   struct rusage usage {};
   wait4(child, &status, 0, &usage);
-  Run run;
+  ProgramRun run;
   run.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   run.signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   const auto seconds = [](const timeval& time) { return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec); };

@@ -7,7 +7,7 @@
 namespace sinew::test {
 
 /// How a run of the program ended.
-struct Run {
+struct ProgramRun {
   int exit_code = -1;      ///< -1 when a signal ended it
   int signal = 0;
   double seconds = 0.0;    ///< processor time, user and system
@@ -17,7 +17,7 @@ struct Run {
 };
 
 /// Runs the program as a person would, with standard input closed.
-Run run_sinew(const std::vector<std::string>& arguments);
+ProgramRun run_sinew(const std::vector<std::string>& arguments);
 
 /// A folder of its own for one test, emptied first.
 std::filesystem::path scratch(const std::string& name);

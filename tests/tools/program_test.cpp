@@ -28,7 +28,7 @@ TEST(Program, wrong_usage_is_one_line_and_exit_2) {
        {std::vector<std::string>{}, {"fly"}, {"animate"}, {"animate", "--no-such-flag"}, {"inspect", "a", "b"},
         ogre_job("x.glb", {"--frames", "none"}), ogre_job("x.glb", {"--solver", "magic"}),
         ogre_job("x.glb", {"-y", "-n"}), ogre_job(kOgre / "ogre.obj", {})}) {
-    const Run run = run_sinew(arguments);
+    const ProgramRun run = run_sinew(arguments);
     EXPECT_EQ(run.exit_code, 2) << run.errors;
     EXPECT_EQ(lines(run.errors), 1) << run.errors;
     EXPECT_EQ(run.errors.rfind("error: ", 0), 0u) << run.errors;
@@ -36,7 +36,7 @@ TEST(Program, wrong_usage_is_one_line_and_exit_2) {
 }
 
 TEST(Program, help_lists_only_verbs_that_work) {
-  const Run run = run_sinew({"--help"});
+  const ProgramRun run = run_sinew({"--help"});
   EXPECT_EQ(run.exit_code, 0);
   EXPECT_NE(run.output.find("animate"), std::string::npos);
   EXPECT_NE(run.output.find("inspect"), std::string::npos);
@@ -44,14 +44,14 @@ TEST(Program, help_lists_only_verbs_that_work) {
 }
 
 TEST(Program, a_missing_file_is_exit_5_and_names_it) {
-  const Run run = run_sinew({"inspect", "/nowhere/at/all.obj"});
+  const ProgramRun run = run_sinew({"inspect", "/nowhere/at/all.obj"});
   EXPECT_EQ(run.exit_code, 5);
   EXPECT_EQ(run.errors, "error: /nowhere/at/all.obj: cannot open: No such file or directory\n");
 }
 
 TEST(Program, a_mesh_without_a_skeleton_is_exit_4_and_says_what_helps) {
   const fs::path output = scratch("no-rig") / "a.glb";
-  const Run run = run_sinew({"animate", kOgre / "ogre.obj", kOgre / "walk.bvh", "-o", output, "--progress", "none"});
+  const ProgramRun run = run_sinew({"animate", kOgre / "ogre.obj", kOgre / "walk.bvh", "-o", output, "--progress", "none"});
   EXPECT_EQ(run.exit_code, 4);
   EXPECT_EQ(run.errors, "error: " + (kOgre / "ogre.obj").string() +
                             ": no skeleton in it: give --rig FILE, which says where the joints are (docs/rig-file.md)\n");
@@ -62,7 +62,7 @@ TEST(Program, a_malformed_clip_is_exit_3_and_leaves_nothing_behind) {
   const fs::path folder = scratch("bad-clip");
   std::ofstream(folder / "bad.bvh") << "HIERARCHY\nROOT hips\n{\n OFFSET 0 0 zero\n";
   const fs::path output = folder / "a.glb";
-  const Run run = run_sinew({"animate", kOgre / "ogre.obj", folder / "bad.bvh", "--rig", kOgre / "ogre.toml", "-o",
+  const ProgramRun run = run_sinew({"animate", kOgre / "ogre.obj", folder / "bad.bvh", "--rig", kOgre / "ogre.toml", "-o",
                              output, "--progress", "none"});
   EXPECT_EQ(run.exit_code, 3) << run.errors;
   EXPECT_EQ(lines(run.errors), 1) << run.errors;
@@ -73,18 +73,18 @@ TEST(Program, a_malformed_clip_is_exit_3_and_leaves_nothing_behind) {
 TEST(Program, an_existing_output_is_kept_unless_y) {
   const fs::path output = scratch("exists") / "a.glb";
   std::ofstream(output) << "precious";
-  const Run kept = run_sinew(ogre_job(output, {}));
+  const ProgramRun kept = run_sinew(ogre_job(output, {}));
   EXPECT_EQ(kept.exit_code, 5);
   EXPECT_EQ(kept.errors, "error: " + output.string() + ": exists already; -y overwrites it\n");
   EXPECT_EQ(contents(output), "precious");
-  const Run written = run_sinew(ogre_job(output, {"-y", "--frames", "1-2"}));
+  const ProgramRun written = run_sinew(ogre_job(output, {"-y", "--frames", "1-2"}));
   EXPECT_EQ(written.exit_code, 0) << written.errors;
   EXPECT_EQ(contents(output).substr(0, 4), "glTF");
 }
 
 TEST(Program, the_report_tells_what_was_done) {
   const fs::path folder = scratch("report");
-  const Run run = run_sinew(ogre_job(folder / "a.glb", {"--frames", "1-5", "--report", folder / "a.json"}));
+  const ProgramRun run = run_sinew(ogre_job(folder / "a.glb", {"--frames", "1-5", "--report", folder / "a.json"}));
   ASSERT_EQ(run.exit_code, 0) << run.errors;
   const auto report = nlohmann::json::parse(contents(folder / "a.json"));
   EXPECT_EQ(report.at("schema"), "sinew.report/1");
@@ -99,7 +99,7 @@ TEST(Program, the_report_tells_what_was_done) {
 TEST(Program, the_same_job_gives_the_same_bytes_for_any_number_of_threads) {
   const fs::path folder = scratch("threads");
   for (const char* threads : {"1", "2", "3"}) {
-    const Run run = run_sinew(ogre_job(folder / (std::string(threads) + ".glb"), {"--frames", "30-36", "-j", threads}));
+    const ProgramRun run = run_sinew(ogre_job(folder / (std::string(threads) + ".glb"), {"--frames", "30-36", "-j", threads}));
     ASSERT_EQ(run.exit_code, 0) << run.errors;
   }
   EXPECT_EQ(contents(folder / "1.glb"), contents(folder / "2.glb"));
@@ -125,7 +125,7 @@ TEST(Program, every_solver_and_interior_animates_the_sample) {
         {"--interior", "none"}, {"--interior", "tetgen"}, {"--deform", "paper"}, {"--format", "exact"}}) {
     std::vector<std::string> arguments = ogre_job(folder / "a.glb", {"-y", "--frames", "20-22"});
     arguments.insert(arguments.end(), more.begin(), more.end());
-    const Run run = run_sinew(arguments);
+    const ProgramRun run = run_sinew(arguments);
     EXPECT_EQ(run.exit_code, 0) << more[1] << ": " << run.errors;
   }
 }
@@ -138,13 +138,13 @@ TEST(Program, a_config_file_sets_options_and_unknown_keys_are_errors) {
   job.insert(job.begin(), {"--config", folder / "good.toml"});
   EXPECT_EQ(run_sinew(job).exit_code, 0);
   job[1] = folder / "bad.toml";
-  const Run run = run_sinew(job);
+  const ProgramRun run = run_sinew(job);
   EXPECT_EQ(run.exit_code, 2);
   EXPECT_NE(run.errors.find("framez"), std::string::npos) << run.errors;
 }
 
 TEST(Program, inspect_prints_a_table_or_json) {
-  const Run table = run_sinew({"inspect", kOgre / "ogre.obj"});
+  const ProgramRun table = run_sinew({"inspect", kOgre / "ogre.obj"});
   EXPECT_EQ(table.exit_code, 0);
   EXPECT_NE(table.output.find("closed"), std::string::npos);
   const auto mesh = nlohmann::json::parse(run_sinew({"inspect", "--json", kOgre / "ogre.obj"}).output);
@@ -165,7 +165,7 @@ TEST(Program, bad_files_end_in_a_result_or_one_line) {
     const std::string extension = entry.path().extension();
     if (!entry.is_regular_file() || extension == ".bin" || extension == ".tsv") continue;
     ++files;
-    const Run run = run_sinew({"inspect", entry.path()});
+    const ProgramRun run = run_sinew({"inspect", entry.path()});
     SCOPED_TRACE(entry.path().string() + "\n" + run.errors);
     EXPECT_EQ(run.signal, 0);
     EXPECT_TRUE(run.exit_code == 0 || run.exit_code == 3 || run.exit_code == 4) << run.exit_code;

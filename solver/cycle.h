@@ -31,13 +31,17 @@ class Cycle {
 
   Cycle(const Hierarchy::Members& hierarchy, int sweeps, ThreadTeam& team, CycleMemory& memory);
 
-  Float* right_hand_side() const { return b(0); }
-  Float* solution() const { return x(0); }
+  Float* right_hand_side(int level = 0) const { return b(level); }
+  Float* solution(int level = 0) const { return x(level); }
 
   /// solution ~ A^-1 right_hand_side, from zero.
   void v_cycle();
   /// The same by full multigrid: the coarsest level first, one V-cycle on each finer one.
   void full_cycle();
+
+  /// The steps full multigrid is made of.
+  void improve(int level);  ///< one V-cycle on solution(level), whatever is in it
+  void solve_last_level();
 
  private:
   Float* x(int level) const { return memory_.levels[level].x.template as<Float>(); }
@@ -45,8 +49,6 @@ class Cycle {
   Float* scratch(int level) const { return memory_.levels[level].scratch.template as<Float>(); }
   int last_level() const { return static_cast<int>(hierarchy_.matrices.size()) - 1; }
 
-  void improve(int level);  // one V-cycle on x(level), whatever is in it
-  void solve_last_level();
   void clear(int level);
   void smooth_forward(int level);
   void smooth_backward(int level);

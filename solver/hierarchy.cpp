@@ -9,6 +9,7 @@
 #include "solver/galerkin.h"
 #include "solver/hierarchy_levels.h"
 #include "solver/lattice_coarsening.h"
+#include "solver/shi_coarsening.h"
 
 namespace sinew {
 namespace {
@@ -23,7 +24,7 @@ constexpr double kLargestShare = 0.7;
 /// A last level larger than this is swept instead of factored.
 constexpr int kLargestFactor = 20000;
 
-LevelMatrix finest_matrix(const LinearSystem& system) {
+LevelMatrix level_matrix(const LinearSystem& system) {
   const Graph& graph = system.graph;
   LevelMatrix matrix;
   matrix.offsets = graph.offsets;
@@ -68,6 +69,20 @@ void add_lattice_levels(const LinearSystem& system, const HierarchyOptions& opti
   }
 }
 
+void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options, Hierarchy::Members& members) {
+  LinearSystem coarser;
+  for (const LinearSystem* level = &system; level->graph.node_count() > options.coarsest_size &&
+                                            static_cast<int>(members.matrices.size()) < options.max_levels;
+       level = &coarser) {
+    ShiCoarsening next = coarsen_by_independent_set(*level);
+    if (next.coarse.graph.node_count() > kLargestShare * level->graph.node_count()) return;
+    coarser = std::move(next.coarse);
+    members.matrices.push_back(level_matrix(coarser));
+    members.transfers.push_back({std::nullopt, std::move(next.defect)});
+    members.descents.push_back(std::move(next.descent));
+  }
+}
+
 void check_options(const LinearSystem& system, const HierarchyOptions& options) {
   if (options.coarsest_size < 1)
     throw std::invalid_argument("Hierarchy: coarsest_size is " + std::to_string(options.coarsest_size) +
@@ -100,11 +115,19 @@ std::size_t RowTransfer::bytes() const {
          bytes_of(fine_nodes) + bytes_of(transposed_values) + bytes_of(own_share);
 }
 
+std::size_t EdgeDescent::bytes() const {
+  return bytes_of(coarse_of_fine) + bytes_of(fine_of_coarse) + bytes_of(anchor) + bytes_of(inverse_reach) +
+         bytes_of(path_offsets) + bytes_of(first_entries) + bytes_of(second_entries) + bytes_of(shares);
+}
+
 Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team)
     : members_(std::make_unique<Members>()) {
   check_options(system, options);
-  members_->matrices.push_back(finest_matrix(system));
-  add_lattice_levels(system, options, team, *members_);
+  members_->matrices.push_back(level_matrix(system));
+  if (options.coarsening == Coarsening::shi2006)
+    add_shi_levels(system, options, *members_);
+  else
+    add_lattice_levels(system, options, team, *members_);
   const LevelMatrix& last = members_->matrices.back();
   if (last.size() <= std::max(kLargestFactor, options.coarsest_size)) members_->bottom.emplace(to_sparse(last));
 }
@@ -119,6 +142,7 @@ std::vector<LevelSummary> Hierarchy::levels() const {
     const LevelMatrix& matrix = members_->matrices[level];
     LevelSummary summary{matrix.size(), static_cast<std::int64_t>(matrix.neighbors.size()), matrix.bytes()};
     if (level < members_->transfers.size()) summary.bytes += members_->transfers[level].bytes();
+    if (level < members_->descents.size()) summary.bytes += members_->descents[level].bytes();
     result.push_back(summary);
   }
   if (members_->bottom) result.back().bytes += members_->bottom->bytes();

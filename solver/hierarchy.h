@@ -14,7 +14,8 @@ namespace sinew {
 /// Where the coarse levels come from.
 enum class Coarsening {
   lattice,  ///< trilinear interpolation from lattices, Galerkin products (the default)
-  shi2006,  ///< delta-independent sets and the closed forms (19)-(22) of [Shi et al. 2006]
+  shi2006,  ///< delta-independent sets and the closed forms (19)-(22) of [Shi et al. 2006], defects carried
+            ///< by (17); one coarse matrix, that of (19) and (21), serves both equations
 };
 
 struct HierarchyOptions {

@@ -64,6 +64,25 @@ struct RowTransfer {
   std::size_t bytes() const;
 };
 
+/// How the original equations of [Shi et al. 2006] go one level down and their answer comes up again.
+/// "Entries" count along LevelMatrix::neighbors of the finer (or coarser) level.
+struct EdgeDescent {
+  std::vector<int> coarse_of_fine;   ///< -1 for retained nodes
+  std::vector<int> fine_of_coarse;
+  std::vector<float> anchor;         ///< by fine node: alpha
+  std::vector<float> inverse_reach;  ///< by retained fine node: 1 / Z of eq. (14); 0 for elevated ones
+
+  /// The target of a coarse entry is the sum of share * (target of first + target of second entry) over
+  /// its paths [path_offsets[entry], path_offsets[entry + 1]); shares sum to 1. A direct edge has -1
+  /// for its second entry.
+  std::vector<int> path_offsets = {0};
+  std::vector<int> first_entries;
+  std::vector<int> second_entries;
+  std::vector<float> shares;
+
+  std::size_t bytes() const;
+};
+
 /// How a level reaches the next coarser one: one of the two.
 struct Transfer {
   std::optional<PieceTransfer> pieces;
@@ -74,6 +93,7 @@ struct Transfer {
 struct Hierarchy::Members {
   std::vector<LevelMatrix> matrices;   ///< the finest first
   std::vector<Transfer> transfers;     ///< transfers[l] joins levels l and l + 1
+  std::vector<EdgeDescent> descents;   ///< likewise, for Coarsening::shi2006 alone
   std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
 };
 

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "solver/cycle.h"
+#include "solver/edge_descent.h"
 #include "solver/hierarchy_levels.h"
 #include "solver/solve_checks.h"
 #include "solver/sweep_blocks.h"
@@ -41,6 +43,10 @@ struct MultigridWorkspace : SolverWorkspace {
   AlignedMemory direction;  // n rows, single
   AlignedMemory image;      // A direction: n rows, double
   AlignedMemory block_sums;
+
+  // For solve_edge_targets.
+  Columns right_hand_side;
+  std::optional<EdgeMemory> edges;
 };
 
 // Solves for up to kWidth columns of b and x, beginning with column `first`. Lanes beyond the last
@@ -72,12 +78,17 @@ class GroupSolve {
         block_sums_(workspace.block_sums.as<Double>()) {}
 
   SolveReport run(const SolveOptions& options) {
+    return run(options, [](Cycle<kWidth>& cycle) { cycle.full_cycle(); });
+  }
+
+  template <typename FirstCycle>
+  SolveReport run(const SolveOptions& options, const FirstCycle& first_cycle) {
     begin(options.from_zero);
     SolveReport report;
     report.residual = worst_residual();
     while (report.residual > options.tolerance && report.cycles < options.max_cycles) {
       if (report.cycles == 0)
-        cycle_.full_cycle();
+        first_cycle(cycle_);
       else
         cycle_.v_cycle();
       if (options_.conjugate_gradients)
@@ -290,6 +301,27 @@ struct MultigridSolver::Members {
     return GroupSolve<kWidth>(system, hierarchy.members(), options, team, workspace, b, x, first).run(solve_options);
   }
 
+  // b = beta + sum of w * wanted.
+  void sum_targets(const EdgeTargets& targets, Columns& b) const {
+    const LevelMatrix& structure = *system.structure;
+    if (targets.wanted.rows() != static_cast<Eigen::Index>(structure.neighbors.size()) ||
+        targets.beta.rows() != structure.size())
+      throw std::invalid_argument("MultigridSolver::solve_edge_targets: " + std::to_string(targets.wanted.rows()) +
+                                  " edge rows and " + std::to_string(targets.beta.rows()) + " beta rows; expected " +
+                                  std::to_string(structure.neighbors.size()) + " and " +
+                                  std::to_string(structure.size()));
+    const int blocks = even_block_count(structure.size(), kRowsPerBlock);
+    team.for_each_block(blocks, [&](int block) {
+      const int end = even_block_begin(structure.size(), blocks, block + 1);
+      for (int i = even_block_begin(structure.size(), blocks, block); i < end; ++i) {
+        Eigen::RowVector3d sum = targets.beta.row(i);
+        for (int k = structure.offsets[i]; k < structure.offsets[i + 1]; ++k)
+          sum += (system.weights.empty() ? system.uniform_weight : system.weights[k]) * targets.wanted.row(k);
+        b.row(i) = sum;
+      }
+    });
+  }
+
   MultigridOptions options;
   ThreadTeam& team;
   Hierarchy hierarchy;
@@ -329,6 +361,29 @@ SolveReport MultigridSolver::solve(const Eigen::Ref<const Columns>& b, Eigen::Re
     first += width;
   }
   return report;
+}
+
+std::unique_ptr<SolverWorkspace> MultigridSolver::make_edge_workspace() const {
+  auto workspace = std::make_unique<MultigridWorkspace>(members_->hierarchy, 3);
+  workspace->right_hand_side.resize(size(), 3);
+  workspace->edges.emplace(members_->hierarchy.members());
+  return workspace;
+}
+
+SolveReport MultigridSolver::solve_edge_targets(const EdgeTargets& targets, Eigen::Ref<Columns> x,
+                                                const SolveOptions& options, SolverWorkspace& workspace) const {
+  auto& own = workspace_of<MultigridWorkspace>("MultigridSolver", workspace);
+  if (own.hierarchy != &members_->hierarchy || !own.edges)
+    throw std::invalid_argument(
+        "MultigridSolver::solve_edge_targets: the workspace was not made by make_edge_workspace of this solver");
+  members_->sum_targets(targets, own.right_hand_side);
+  const Hierarchy::Members& levels = members_->hierarchy.members();
+  if (levels.descents.empty() || !options.from_zero) return solve(own.right_hand_side, x, options, workspace);
+  check_shapes("MultigridSolver", size(), own.columns, own.right_hand_side, x);
+  const Eigen::Ref<const Columns> b = own.right_hand_side;
+  return GroupSolve<4>(members_->system, levels, members_->options, members_->team, own, b, x, 0)
+      .run(options,
+           [&](Cycle<4>& cycle) { full_cycle_along_edges(levels, targets, members_->team, *own.edges, cycle); });
 }
 
 std::string MultigridSolver::name() const {

@@ -195,7 +195,9 @@ int AssetFolder::open_file(const std::string& path, std::uint64_t& size, const s
     refuse(where, "uri " + shown(path) + " leads out of the asset's folder");
   }
   if (file < 0) {
-    throw FileError(FileFault::input_output, where, "cannot open " + shown(path) + ": " + std::strerror(errno));
+    // The fault of the file that names it, unless the system itself is short of something.
+    const FileFault fault = errno == ENOENT || errno == ENOTDIR ? FileFault::malformed : FileFault::input_output;
+    throw FileError(fault, where, "cannot open " + shown(path) + ": " + std::strerror(errno));
   }
   struct stat status {};
   if (::fstat(file, &status) != 0 || !S_ISREG(status.st_mode)) {

@@ -16,7 +16,7 @@ const fs::path kOgre = fs::path(SINEW_SOURCE_DIR) / "samples" / "ogre";
 
 std::vector<std::string> ogre_job(const fs::path& output, std::vector<std::string> more) {
   std::vector<std::string> arguments = {"animate", kOgre / "ogre.obj", kOgre / "walk.bvh", "--rig", kOgre / "ogre.toml",
-                                        "-o", output, "--progress", "none"};
+                                        "-o", output, "--progress", "none", "--density", "1"};
   arguments.insert(arguments.end(), more.begin(), more.end());
   return arguments;
 }

@@ -15,17 +15,29 @@ constexpr int kRowsPerBlock = 2048;
 /// Sweeps that stand in for a direct solve when the last level is too large to factor.
 constexpr int kLastLevelSweeps = 20;
 
-// Sum of the weighted neighbors of node i. Uniform weights are not even stored.
+// Sum of the weighted neighbors of node i. Uniform weights are not even stored. Two running sums, so
+// that an addition need not wait for the one before it.
 template <int kWidth, bool kUniform>
 inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int i) {
-  typename Lanes<kWidth>::Float sum{};
+  typename Lanes<kWidth>::Float even{}, odd{};
+  const int* const neighbors = A.neighbors.data();
+  const float* const weights = A.weights.data();
+  int k = A.offsets[i];
   const int end = A.offsets[i + 1];
   if constexpr (kUniform) {
-    for (int k = A.offsets[i]; k < end; ++k) sum += x[A.neighbors[k]];
-    return sum * A.uniform_weight;
+    for (; k + 1 < end; k += 2) {
+      even += x[neighbors[k]];
+      odd += x[neighbors[k + 1]];
+    }
+    if (k < end) even += x[neighbors[k]];
+    return (even + odd) * A.uniform_weight;
   } else {
-    for (int k = A.offsets[i]; k < end; ++k) sum += A.weights[k] * x[A.neighbors[k]];
-    return sum;
+    for (; k + 1 < end; k += 2) {
+      even += weights[k] * x[neighbors[k]];
+      odd += weights[k + 1] * x[neighbors[k + 1]];
+    }
+    if (k < end) even += weights[k] * x[neighbors[k]];
+    return even + odd;
   }
 }
 
@@ -42,28 +54,36 @@ void sweep_backward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b
     x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
 }
 
-// The eight corner sums of one piece. `value(node)` is what is restricted.
-template <int kWidth, typename Value>
-inline void restrict_piece(const PieceTransfer& P, int piece, typename Lanes<kWidth>::Float* sums, const Value& value) {
+// The eight corner sums of one piece of `fine`. Eight variables rather than an array: they stay in registers.
+template <int kWidth>
+inline void restrict_piece(const PieceTransfer& P, int piece, const typename Lanes<kWidth>::Float* fine,
+                           typename Lanes<kWidth>::Float* sums) {
   using Float = typename Lanes<kWidth>::Float;
-  Float total[kCorners] = {};
+  Float s0{}, s1{}, s2{}, s3{}, s4{}, s5{}, s6{}, s7{};
   for (int entry = P.piece_offsets[piece]; entry < P.piece_offsets[piece + 1]; ++entry) {
     const float* place = &P.places[3 * static_cast<std::size_t>(entry)];
-    const Float all = value(P.nodes[entry]);
+    const Float all = fine[P.nodes[entry]];
     const Float x1 = all * place[0], x0 = all - x1;
     const Float x0y1 = x0 * place[1], x0y0 = x0 - x0y1;
     const Float x1y1 = x1 * place[1], x1y0 = x1 - x1y1;
     const Float z00 = x0y0 * place[2], z10 = x1y0 * place[2], z01 = x0y1 * place[2], z11 = x1y1 * place[2];
-    total[0] += x0y0 - z00;
-    total[1] += x1y0 - z10;
-    total[2] += x0y1 - z01;
-    total[3] += x1y1 - z11;
-    total[4] += z00;
-    total[5] += z10;
-    total[6] += z01;
-    total[7] += z11;
+    s0 += x0y0 - z00;
+    s1 += x1y0 - z10;
+    s2 += x0y1 - z01;
+    s3 += x1y1 - z11;
+    s4 += z00;
+    s5 += z10;
+    s6 += z01;
+    s7 += z11;
   }
-  std::copy(total, total + kCorners, sums);
+  sums[0] = s0;
+  sums[1] = s1;
+  sums[2] = s2;
+  sums[3] = s3;
+  sums[4] = s4;
+  sums[5] = s5;
+  sums[6] = s6;
+  sums[7] = s7;
 }
 
 // Calls put(node, value) with the trilinear value at every node of one piece.
@@ -123,11 +143,10 @@ inline typename Lanes<kWidth>::Float interpolated(const RowTransfer& P, const ty
   return sum;
 }
 
-template <int kWidth>
-inline typename Lanes<kWidth>::Float residual_at(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                                                 const typename Lanes<kWidth>::Float* x, int i) {
-  const auto sum = A.weights.empty() ? neighbor_sum<kWidth, true>(A, x, i) : neighbor_sum<kWidth, false>(A, x, i);
-  return b[i] - A.diagonal[i] * x[i] + sum;
+template <int kWidth, bool kUniform>
+void residual_rows(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
+                   const typename Lanes<kWidth>::Float* x, typename Lanes<kWidth>::Float* r, int begin, int end) {
+  for (int i = begin; i < end; ++i) r[i] = b[i] - A.diagonal[i] * x[i] + neighbor_sum<kWidth, kUniform>(A, x, i);
 }
 
 }  // namespace
@@ -136,11 +155,11 @@ CycleMemory::CycleMemory(const Hierarchy::Members& hierarchy, int width) {
   const std::size_t row_bytes = static_cast<std::size_t>(width) * sizeof(float);
   for (std::size_t level = 0; level < hierarchy.matrices.size(); ++level) {
     const auto rows = static_cast<std::size_t>(hierarchy.matrices[level].size());
-    std::size_t scratch_rows = rows;
+    std::size_t sums = 0;
     if (level < hierarchy.transfers.size() && hierarchy.transfers[level].pieces)
-      scratch_rows = hierarchy.transfers[level].pieces->corners.size();
+      sums = hierarchy.transfers[level].pieces->corners.size();
     levels.push_back({AlignedMemory((rows + 1) * row_bytes), AlignedMemory(rows * row_bytes),
-                      AlignedMemory(scratch_rows * row_bytes)});
+                      AlignedMemory(rows * row_bytes), AlignedMemory(sums * row_bytes)});
   }
 }
 
@@ -160,7 +179,7 @@ void Cycle<kWidth>::v_cycle() {
 
 template <int kWidth>
 void Cycle<kWidth>::full_cycle() {
-  for (int level = 0; level < last_level(); ++level) restrict_right_hand_side(level);
+  for (int level = 0; level < last_level(); ++level) restrict_from(level, b(level));
   solve_last_level();
   for (int level = last_level() - 1; level >= 0; --level) {
     interpolate(level);
@@ -230,10 +249,8 @@ void Cycle<kWidth>::smooth_backward(int level) {
 }
 
 template <int kWidth>
-void Cycle<kWidth>::restrict_right_hand_side(int level) {
+void Cycle<kWidth>::restrict_from(int level, const Float* fine) {
   const Transfer& transfer = hierarchy_.transfers[level];
-  const Float* const fine = b(level);
-  Float* const sums = scratch(level);
   Float* const coarse = b(level + 1);
   if (transfer.rows) {
     const RowTransfer& P = *transfer.rows;
@@ -241,44 +258,25 @@ void Cycle<kWidth>::restrict_right_hand_side(int level) {
                     [&](int begin, int end) { gather_transposed<kWidth>(P, fine, coarse, begin, end); });
   }
   const PieceTransfer& P = *transfer.pieces;
+  Float* const sums = corner_sums(level);
   for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
     for (int piece = begin; piece < end; ++piece)
-      restrict_piece<kWidth>(P, piece, sums + static_cast<std::size_t>(kCorners) * piece,
-                             [&](int node) { return fine[node]; });
+      restrict_piece<kWidth>(P, piece, fine, sums + static_cast<std::size_t>(kCorners) * piece);
   });
   for_runs(team_, P.coarse_count, kRowsPerBlock,
            [&](int begin, int end) { gather_corner_sums<kWidth>(P, sums, coarse, begin, end); });
 }
 
+// The residual is stored before it is restricted: a sweep over the rows in their order and a pass over
+// the pieces cost a third of a pass over the pieces that gathers each row's neighbors.
 template <int kWidth>
 void Cycle<kWidth>::restrict_residual(int level) {
-  const Transfer& transfer = hierarchy_.transfers[level];
   const LevelMatrix& A = hierarchy_.matrices[level];
-  const Float* const fine_b = b(level);
-  const Float* const fine_x = x(level);
-  Float* const sums = scratch(level);
-  Float* const coarse = b(level + 1);
-  Float* const coarse_x = x(level + 1);
-  if (transfer.rows) {
-    const RowTransfer& P = *transfer.rows;
-    for_runs(team_, A.size(), kRowsPerBlock, [&](int begin, int end) {
-      for (int i = begin; i < end; ++i) sums[i] = residual_at<kWidth>(A, fine_b, fine_x, i);
-    });
-    return for_runs(team_, P.coarse_count, kRowsPerBlock, [&](int begin, int end) {
-      gather_transposed<kWidth>(P, sums, coarse, begin, end);
-      std::fill(coarse_x + begin, coarse_x + end, Float{});
-    });
-  }
-  const PieceTransfer& P = *transfer.pieces;
-  for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
-    for (int piece = begin; piece < end; ++piece)
-      restrict_piece<kWidth>(P, piece, sums + static_cast<std::size_t>(kCorners) * piece,
-                             [&](int node) { return residual_at<kWidth>(A, fine_b, fine_x, node); });
-  });
-  for_runs(team_, P.coarse_count, kRowsPerBlock, [&](int begin, int end) {
-    gather_corner_sums<kWidth>(P, sums, coarse, begin, end);
-    std::fill(coarse_x + begin, coarse_x + end, Float{});
-  });
+  const auto residual = A.weights.empty() ? residual_rows<kWidth, true> : residual_rows<kWidth, false>;
+  for_runs(team_, A.size(), kRowsPerBlock,
+           [&](int begin, int end) { residual(A, b(level), x(level), scratch(level), begin, end); });
+  restrict_from(level, scratch(level));
+  clear(level + 1);
 }
 
 template <int kWidth>

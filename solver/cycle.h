@@ -14,9 +14,10 @@ struct CycleMemory {
   CycleMemory(const Hierarchy::Members& hierarchy, int width);
 
   struct Level {
-    AlignedMemory x;        ///< size + 1 rows; the spare last row stays zero and is what unused corners read
-    AlignedMemory b;        ///< size rows
-    AlignedMemory scratch;  ///< the restriction's sums, or the residual; for the last level the factor's
+    AlignedMemory x;            ///< size + 1 rows; the spare last row stays zero and is what unused corners read
+    AlignedMemory b;            ///< size rows
+    AlignedMemory scratch;      ///< size rows: the residual; for the last level the factor's
+    AlignedMemory corner_sums;  ///< eight rows per piece of the transfer to the next level
   };
   std::vector<Level> levels;
 };
@@ -47,6 +48,7 @@ class Cycle {
   Float* x(int level) const { return memory_.levels[level].x.template as<Float>(); }
   Float* b(int level) const { return memory_.levels[level].b.template as<Float>(); }
   Float* scratch(int level) const { return memory_.levels[level].scratch.template as<Float>(); }
+  Float* corner_sums(int level) const { return memory_.levels[level].corner_sums.template as<Float>(); }
   int last_level() const { return static_cast<int>(hierarchy_.matrices.size()) - 1; }
 
   void clear(int level);
@@ -55,10 +57,10 @@ class Cycle {
   template <typename Sweep>
   void sweep_parity(int level, int parity, const Sweep& sweep);
 
-  void restrict_right_hand_side(int level);  // b(level + 1) = P^T b(level)
-  void restrict_residual(int level);         // b(level + 1) = P^T (b - A x)(level), and x(level + 1) = 0
-  void interpolate(int level);               // x(level) = P x(level + 1)
-  void correct(int level);                   // x(level) += P x(level + 1)
+  void restrict_from(int level, const Float* fine);  // b(level + 1) = P^T fine
+  void restrict_residual(int level);                 // b(level + 1) = P^T (b - A x)(level), and x(level + 1) = 0
+  void interpolate(int level);                       // x(level) = P x(level + 1)
+  void correct(int level);                           // x(level) += P x(level + 1)
 
   const Hierarchy::Members& hierarchy_;
   int sweeps_;

@@ -120,12 +120,22 @@ class GroupSolve {
     return total;
   }
 
+  // Three columns are the common case, and worth telling the compiler.
   Double load(const double* row) const {
     Double value{};
+    if constexpr (kWidth == 4)
+      if (width_ == 3) return Double{row[0], row[1], row[2], 0.0};
     for (int c = 0; c < width_; ++c) value[c] = row[c];
     return value;
   }
   void store(const Double& value, double* row) const {
+    if constexpr (kWidth == 4)
+      if (width_ == 3) {
+        row[0] = value[0];
+        row[1] = value[1];
+        row[2] = value[2];
+        return;
+      }
     for (int c = 0; c < width_; ++c) row[c] = value[c];
   }
   double* x_row(int i) const { return x_ + i * x_stride_; }

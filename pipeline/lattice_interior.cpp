@@ -38,6 +38,11 @@ constexpr double kFarReach = 2.5;
 constexpr double kDefaultEdges = 1.25;
 constexpr double kMostDensity = 5.0;
 
+/// Sine of the least angle between a link and the surface it leaves. More than the angle by which the
+/// triangles round a vertex fall away from their mean plane on any but the coarsest round limb:
+/// a flatter link could run outside, which matters where another limb is.
+constexpr double kSteepness = 0.25;
+
 /// How far in front of a vertex and behind it we look for the inside, in spacings.
 constexpr double kProbe = 1e-3;
 
@@ -322,8 +327,9 @@ class SurfaceLinker {
                                      [](const LatticeNode& a, double z) { return a.z < z; });
         for (; node != end && node->z <= center[2] + upright; ++node) {
           const Vector3d position = lattice_.position(x, y, node->z);
-          if ((position - from).dot(outward) >= 0.0) continue;
-          candidates.push_back({(position - from).norm(), static_cast<int>(node - kept_.nodes.begin()), position});
+          const double distance = (position - from).norm();
+          if ((position - from).dot(outward) > -kSteepness * distance) continue;
+          candidates.push_back({distance, static_cast<int>(node - kept_.nodes.begin()), position});
         }
       }
     }
@@ -340,7 +346,10 @@ class SurfaceLinker {
     for (const Crossing& crossing : crossings) {
       if (crossing.share * kFarReach < kProbe) continue;  // the vertex's own triangles
       if (crossing.triangle < 0) return false;            // the body is open there
-      return link_to_corner(vertex, from, from + crossing.share * (to - from), crossing.triangle, edges);
+      const Vector3d hit = from + crossing.share * (to - from);
+      const Vector3d beyond = hit - kProbe * lattice_.spacing * outward;
+      // Still inside: that is another limb's surface, which reaches into this one.
+      return !solid_.contains(beyond) && link_to_corner(vertex, from, hit, crossing.triangle, edges);
     }
     return false;
   }

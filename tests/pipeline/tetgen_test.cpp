@@ -1,8 +1,11 @@
 #include "pipeline/tetgen_protocol.h"
 
 #include <gtest/gtest.h>
+#include <fcntl.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <array>
@@ -155,6 +158,18 @@ TEST_F(Tetgen, AWorkerThatHangsIsEndedWithAllItStarted) {
                   "took longer than 0.2 s");
   expect_fallback(fill(cube(), script("exec > /dev/null 2> /dev/null < /dev/null; sleep 600"), 0.2), cube(),
                   "took longer than 0.2 s");
+}
+
+TEST_F(Tetgen, NothingThatTheWorkerStartedOutlivesIt) {
+  const std::string fifo = folder_ / "fifo";
+  ASSERT_EQ(mkfifo(fifo.c_str(), 0600), 0);
+  const int reader = open(fifo.c_str(), O_RDONLY | O_NONBLOCK);
+  // The sleeper holds the fifo open for as long as it lives.
+  fill(cube(), script("sleep 600 > '" + fifo + "' & echo up > '" + fifo + "'; wait"), 0.5);
+  pollfd end = {reader, 0, 0};
+  EXPECT_EQ(poll(&end, 1, 10'000), 1);
+  EXPECT_TRUE(end.revents & POLLHUP);
+  close(reader);
 }
 
 TEST_F(Tetgen, AWorkerThatLeavesAChildBehindIsNotWaitedForLonger) {

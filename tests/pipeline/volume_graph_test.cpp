@@ -160,15 +160,18 @@ TEST(VolumeGraph, LinksEverySurfaceVertexOfAThickBodyToItsNearestNodesBelow) {
 }
 
 TEST(VolumeGraph, NoEdgeCrossesANarrowGapBetweenTwoLegs) {
-  for (const double gap : {0.1, 0.01, 0.001}) {
-    const double radius = 0.1;
-    const VolumeGraph volume = build(samples::two_legs(1.0, radius, gap, 24));
-    for_each_edge(volume, [&](int a, int b) {
-      const Vector3d from = position(volume, a), to = position(volume, b);
-      if ((from.x() < 0.0) == (to.x() < 0.0)) return;
-      const double height = from.y() + from.x() / (from.x() - to.x()) * (to.y() - from.y());
-      EXPECT_GT(height, -radius - 1e-9) << "gap " << gap << ", nodes " << a << ' ' << b;
-    });
+  const double radius = 0.1;
+  // The wider spacings let links reach through a leg, over the gap and into the other leg.
+  for (const double spacing : {0.0, 0.1, 0.14}) {
+    for (const double gap : {0.1, 0.01, 0.001}) {
+      const VolumeGraph volume = build(samples::two_legs(1.0, radius, gap, 24), {.spacing = spacing});
+      for_each_edge(volume, [&](int a, int b) {
+        const Vector3d from = position(volume, a), to = position(volume, b);
+        if ((from.x() < 0.0) == (to.x() < 0.0)) return;
+        const double height = from.y() + from.x() / (from.x() - to.x()) * (to.y() - from.y());
+        EXPECT_GT(height, -radius - 1e-9) << "gap " << gap << ", nodes " << a << ' ' << b;
+      });
+    }
   }
 }
 
@@ -178,7 +181,7 @@ TEST(VolumeGraph, PutsNothingWhereABodyOverlapsItself) {
   const TriMesh mesh = samples::tube({{-1, 0, 0}, {1.5, 0, 0}, {1.5, 1.5, 0}, {0, 1.5, 0}, {0, -1, 0}}, radius, 16);
   ASSERT_TRUE(Solid(mesh).contains({0.01, 0.02, 0.03}));
   const VolumeGraph volume = build(mesh, {.spacing = 0.08});
-  int near = 0;
+  int near = 0, buried = 0;
   for (int node = volume.surface_count; node < volume.node_count(); ++node) {
     const Vector3d at = position(volume, node);
     const double from_first = std::hypot(at.y(), at.z()), from_last = std::hypot(at.x(), at.z());
@@ -193,6 +196,17 @@ TEST(VolumeGraph, PutsNothingWhereABodyOverlapsItself) {
     const auto in_last = [&](const Vector3d& at) { return std::abs(at.y()) > 1.05 * radius && std::abs(at.x()) < radius; };
     EXPECT_FALSE((in_first(from) && in_last(to)) || (in_last(from) && in_first(to)));
   });
+  // Vertices of the first piece that lie within the last have no business with the nodes round them.
+  for (int vertex = 0; vertex < volume.surface_count; ++vertex) {
+    const Vector3d at = position(volume, vertex);
+    const bool of_first = std::abs(at.x()) < radius && std::abs(std::hypot(at.y(), at.z()) - radius) < 1e-9;
+    if (!of_first || std::hypot(at.x(), at.z()) > 0.9 * radius) continue;
+    ++buried;
+    for (const int neighbor : volume.graph.neighbors_of(vertex)) {
+      EXPECT_LE(std::hypot(position(volume, neighbor).y(), position(volume, neighbor).z()), 1.001 * radius);
+    }
+  }
+  EXPECT_GT(buried, 5);
 }
 
 TEST(VolumeGraph, JoinsTheTwoSidesOfAPlateTooThinForTheLattice) {

@@ -36,14 +36,17 @@ Eigen::Vector3d feet_direction(const Body& body, const Eigen::Vector3d& up) {
 }
 
 void warn_of_sides(const Body& clip_body, const Eigen::Vector3d& clip_up, const Eigen::Vector3d& clip_left,
-                   const RigSkeleton& rig, const Eigen::Vector3d& rig_front, std::vector<std::string>& warnings) {
+                   const RigSkeleton& rig, const Eigen::Vector3d& rig_front,
+                   std::vector<std::string>& warnings) {
   if (rig_front.dot(rig.front.normalized()) < 0.0)
-    warnings.push_back("W_RIG_SIDES: by its left and right joints the rig looks away from its front; "
-                       "check [rig] front and the roles' sides");
+    warnings.push_back(
+        "W_RIG_SIDES: by its left and right joints the rig looks away from its front; "
+        "check [rig] front and the roles' sides");
   const Eigen::Vector3d toes = feet_direction(clip_body, clip_up);
   if (toes.norm() > 0.0 && toes.normalized().dot(clip_left.cross(clip_up)) < -0.5)
-    warnings.push_back("W_CLIP_SIDES: by its left and right joints the clip's body looks away from its "
-                       "toes; its sides may be swapped");
+    warnings.push_back(
+        "W_CLIP_SIDES: by its left and right joints the clip's body looks away from its "
+        "toes; its sides may be swapped");
 }
 
 }  // namespace

@@ -36,8 +36,8 @@ double degrees_from_mirror(const Eigen::Vector3d& left, const Eigen::Vector3d& r
 double leg_fault(const Limb& left, const Limb& right, const Eigen::Vector3d& up,
                  const Eigen::Vector3d& to_left) {
   return std::max({degrees_between(left.reach(), -up) / 25.0, degrees_between(right.reach(), -up) / 25.0,
-                   degrees_from_mirror(left.reach(), right.reach(), to_left) / 25.0,
-                   left.bend_angle() / 30.0, right.bend_angle() / 30.0});
+                   degrees_from_mirror(left.reach(), right.reach(), to_left) / 25.0, left.bend_angle() / 30.0,
+                   right.bend_angle() / 30.0});
 }
 
 double arm_fault(const Limb& left, const Limb& right, const Eigen::Vector3d& up,

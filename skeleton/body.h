@@ -11,7 +11,9 @@ namespace sinew {
 /// Joint index of each role in some skeleton, -1 where nobody plays it. Indexed by Role.
 using BodyJoints = std::array<int, kRoleCount>;
 
-inline int joint_of(const BodyJoints& joints, Role role) { return joints[static_cast<int>(role)]; }
+inline int joint_of(const BodyJoints& joints, Role role) {
+  return joints[static_cast<int>(role)];
+}
 
 /// The landmarks of a body at one instant: a view, which outlives neither of its parts.
 struct Body {

@@ -9,8 +9,8 @@ namespace sinew {
 /// A direction in a clip's pose: from one joint to the mean of others, or to a point fixed in it.
 struct Aim {
   int from = -1;
-  std::vector<int> to;                                ///< joints; empty: `offset` counts
-  Eigen::Vector3d offset = Eigen::Vector3d::Zero();   ///< in the frame of `from`
+  std::vector<int> to;                               ///< joints; empty: `offset` counts
+  Eigen::Vector3d offset = Eigen::Vector3d::Zero();  ///< in the frame of `from`
 
   Eigen::Vector3d direction(const Pose& pose) const;  ///< not normalised
 };
@@ -34,7 +34,8 @@ struct BoneTurn {
 };
 
 /// One entry for each rig joint that follows the clip, parents first. `frames` are the clip's poses.
-std::vector<BoneTurn> bone_turns(const Skeleton& clip, std::span<const Pose> frames, const ReferencePose& reference,
-                                 const RigSkeleton& rig, const JointMatch& match, const Alignment& alignment);
+std::vector<BoneTurn> bone_turns(const Skeleton& clip, std::span<const Pose> frames,
+                                 const ReferencePose& reference, const RigSkeleton& rig,
+                                 const JointMatch& match, const Alignment& alignment);
 
 }  // namespace sinew

@@ -24,7 +24,8 @@ Skeleton names_and_parents(const RigSkeleton& rig) {
 }
 
 bool has_roles(const RigSkeleton& rig) {
-  return std::any_of(rig.joints.begin(), rig.joints.end(), [](const RigJoint& joint) { return joint.role.has_value(); });
+  return std::any_of(rig.joints.begin(), rig.joints.end(),
+                     [](const RigJoint& joint) { return joint.role.has_value(); });
 }
 
 /// Roles as the rig gives them; a rig without any (from a glTF, say) is read by its names. Animals
@@ -81,9 +82,9 @@ std::vector<Role> missing_roles(const JointMatch& match) {
   need(Role::hips);
   need_one({Role::spine, Role::chest, Role::upper_chest}, Role::spine);
   need_one({Role::neck, Role::head}, Role::head);
-  for (const Role role : {Role::left_upper_arm, Role::left_lower_arm, Role::right_upper_arm,
-                          Role::right_lower_arm, Role::left_upper_leg, Role::left_lower_leg,
-                          Role::right_upper_leg, Role::right_lower_leg})
+  for (const Role role :
+       {Role::left_upper_arm, Role::left_lower_arm, Role::right_upper_arm, Role::right_lower_arm,
+        Role::left_upper_leg, Role::left_lower_leg, Role::right_upper_leg, Role::right_lower_leg})
     need(role);
   return missing;
 }
@@ -125,8 +126,9 @@ JointMatch match_joints(const Skeleton& clip, const RigSkeleton& rig) {
     if (match.pairs(static_cast<Role>(role))) match.clip_of_rig[match.rig_body[role]] = match.clip_body[role];
   const auto follows = [](int joint) { return joint >= 0; };
   if (std::none_of(match.clip_of_rig.begin(), match.clip_of_rig.end(), follows))
-    throw UnusableInput("no joint of the rig has a role, a line in [map] or a namesake in the clip; "
-                        "name the clip's joints in the rig file's [map]");
+    throw UnusableInput(
+        "no joint of the rig has a role, a line in [map] or a namesake in the clip; "
+        "name the clip's joints in the rig file's [map]");
   return match;
 }
 

@@ -52,7 +52,8 @@ void stay_in_place(Motion& motion, const RigSkeleton& rig) {
   while (joint < rig.joints.size() && !travels(joint)) ++joint;
   if (joint == rig.joints.size()) return;
   for (Pose& pose : motion.poses) {
-    const Eigen::Vector3d back = across(rig.joints[joint].position - pose.positions[joint], rig.up.normalized());
+    const Eigen::Vector3d back =
+        across(rig.joints[joint].position - pose.positions[joint], rig.up.normalized());
     for (Eigen::Vector3d& position : pose.positions) position += back;
   }
 }

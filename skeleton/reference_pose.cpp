@@ -99,8 +99,8 @@ ReferencePose choose_reference(const Clip& clip, const BodyJoints& joints, std::
                                const Eigen::Vector3d& up) {
   ReferencePose best{forward_kinematics(clip.skeleton, clip.skeleton.rest), -1, false};
   const bool degenerate = is_degenerate(clip.skeleton, best.pose, joints);
-  double least = degenerate ? std::numeric_limits<double>::infinity()
-                            : stance_fault({best.pose.positions, joints}, up);
+  double least =
+      degenerate ? std::numeric_limits<double>::infinity() : stance_fault({best.pose.positions, joints}, up);
   // A declared pose in which the body stands was made to be a reference: no frame is better.
   best.standing = least <= 1.0;
   if (best.standing) return best;

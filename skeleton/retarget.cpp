@@ -29,11 +29,17 @@ void shift_pose(Pose& pose, const Eigen::Vector3d& by) {
 /// Turns and moves one rig as one clip does.
 class Transfer {
  public:
-  Transfer(const ReferencePose& reference, const RigSkeleton& rig, const JointMatch& match, const Alignment& alignment,
-           std::vector<BoneTurn> turns)
-      : reference_(reference), rig_(rig), alignment_(alignment), up_(rig.up.normalized()),
-        rest_(rest_pose(rig).positions), turns_(std::move(turns)), turn_of_rig_(rest_.size(), -1) {
-    for (std::size_t turn = 0; turn < turns_.size(); ++turn) turn_of_rig_[turns_[turn].rig] = static_cast<int>(turn);
+  Transfer(const ReferencePose& reference, const RigSkeleton& rig, const JointMatch& match,
+           const Alignment& alignment, std::vector<BoneTurn> turns)
+      : reference_(reference),
+        rig_(rig),
+        alignment_(alignment),
+        up_(rig.up.normalized()),
+        rest_(rest_pose(rig).positions),
+        turns_(std::move(turns)),
+        turn_of_rig_(rest_.size(), -1) {
+    for (std::size_t turn = 0; turn < turns_.size(); ++turn)
+      turn_of_rig_[turns_[turn].rig] = static_cast<int>(turn);
     find_landmarks(match);
   }
 
@@ -71,7 +77,8 @@ void Transfer::find_landmarks(const JointMatch& match) {
   const auto both_sides = [&](Role left, Role right) {
     std::vector<Landmark> pair;
     for (const Role role : {left, right})
-      if (match.pairs(role)) pair.push_back({joint_of(match.rig_body, role), joint_of(match.clip_body, role)});
+      if (match.pairs(role))
+        pair.push_back({joint_of(match.rig_body, role), joint_of(match.clip_body, role)});
     return pair.size() == 2 ? pair : std::vector<Landmark>{};
   };
   const int hips = match.pairs(Role::hips) ? joint_of(match.rig_body, Role::hips) : -1;
@@ -91,7 +98,8 @@ Eigen::Quaterniond Transfer::turn_since_reference(const Pose& source, int joint)
 
 Eigen::Quaterniond Transfer::rotation(const BoneTurn& turn, const Pose& source) const {
   Eigen::Quaterniond change = turn_since_reference(source, turn.clip);
-  if (turn.clip_before >= 0) change = turn_since_reference(source, turn.clip_before).slerp(turn.share, change);
+  if (turn.clip_before >= 0)
+    change = turn_since_reference(source, turn.clip_before).slerp(turn.share, change);
   const Eigen::Quaterniond rotation = (change * turn.at_reference).normalized();
   if (turn.aim.from < 0) return rotation;
   const Eigen::Vector3d wanted = alignment_.turn * turn.aim.direction(source);
@@ -111,7 +119,8 @@ double Transfer::lowest_foot(const Pose& source) const {
 void Transfer::find_floor(std::span<const Pose> frames) {
   std::vector<double> heights;
   for (const Pose& frame : frames) heights.push_back(lowest_foot(frame));
-  const auto floor = heights.begin() + static_cast<std::ptrdiff_t>(kFloorShare * static_cast<double>(heights.size() - 1));
+  const auto floor =
+      heights.begin() + static_cast<std::ptrdiff_t>(kFloorShare * static_cast<double>(heights.size() - 1));
   std::nth_element(heights.begin(), floor, heights.end());
   double rig_floor = std::numeric_limits<double>::infinity();
   for (const Landmark& foot : feet_) rig_floor = std::min(rig_floor, up_.dot(rest_[foot.rig]));
@@ -139,7 +148,9 @@ Pose Transfer::pose(const Pose& source) const {
     const int parent = rig_.joints[joint].parent;
     const int turn = turn_of_rig_[joint];
     // What is above the hips, and what hangs beside them, moves with them.
-    pose.rotations[joint] = turn >= 0 ? rotation(turns_[turn], source) : parent >= 0 ? pose.rotations[parent] : carried;
+    pose.rotations[joint] = turn >= 0     ? rotation(turns_[turn], source)
+                            : parent >= 0 ? pose.rotations[parent]
+                                          : carried;
     const Eigen::Quaterniond& holder = parent >= 0 ? pose.rotations[parent] : carried;
     const Eigen::Vector3d origin = parent >= 0 ? pose.positions[parent] : Eigen::Vector3d::Zero();
     const Eigen::Vector3d rest_origin = parent >= 0 ? rest_[parent] : Eigen::Vector3d::Zero();
@@ -162,10 +173,12 @@ Motion transfer_motion(const Clip& clip, const RigSkeleton& rig, const JointMatc
   std::span<const Pose> used = source;
   if (has_inserted_first_frame(source, match.clip_body, clip_up)) {
     used = used.subspan(1);
-    motion.warnings.push_back("W_REFERENCE_FRAME_DROPPED: frame 0 is a reference pose put before the motion; left out");
+    motion.warnings.push_back(
+        "W_REFERENCE_FRAME_DROPPED: frame 0 is a reference pose put before the motion; left out");
   }
   const Alignment alignment = align_bodies(reference, clip_up, rig, match, motion.warnings);
-  Transfer transfer(reference, rig, match, alignment, bone_turns(clip.skeleton, source, reference, rig, match, alignment));
+  Transfer transfer(reference, rig, match, alignment,
+                    bone_turns(clip.skeleton, source, reference, rig, match, alignment));
   transfer.find_floor(used);
   const Eigen::Vector3d up = rig.up.normalized();
   const Eigen::Vector3d start = rig.joints[transfer.anchor()].position;
@@ -188,8 +201,8 @@ Motion retarget(const Clip& clip, const RigSkeleton& rig, const RetargetOptions&
   if (rig.joints.empty()) throw UnusableInput("the rig has no joints");
   const std::vector<Pose> source = world_poses(clip);
   std::optional<Motion> own = overlay_motion(clip, source, rig, options);
-  Motion motion = own ? std::move(*own)
-                      : transfer_motion(clip, rig, match_joints(clip.skeleton, rig), source, options);
+  Motion motion =
+      own ? std::move(*own) : transfer_motion(clip, rig, match_joints(clip.skeleton, rig), source, options);
   motion.name = clip.name;
   motion.frames_per_second = clip.frames_per_second;
   make_continuous(motion.poses, rig.parents());

@@ -9,9 +9,9 @@ namespace sinew {
 namespace {
 
 constexpr std::array<std::string_view, kRoleCount> kRoleNames = {
-    "hips",           "spine",           "chest",           "upper_chest",    "neck",
-    "head",           "left_shoulder",   "left_upper_arm",  "left_lower_arm", "left_hand",
-    "right_shoulder", "right_upper_arm", "right_lower_arm", "right_hand",     "left_upper_leg",
+    "hips",           "spine",           "chest",           "upper_chest",     "neck",
+    "head",           "left_shoulder",   "left_upper_arm",  "left_lower_arm",  "left_hand",
+    "right_shoulder", "right_upper_arm", "right_lower_arm", "right_hand",      "left_upper_leg",
     "left_lower_leg", "left_foot",       "left_toes",       "right_upper_leg", "right_lower_leg",
     "right_foot",     "right_toes",
 };
@@ -27,6 +27,7 @@ struct Scheme {
   std::string_view upper_leg, lower_leg, foot, toes;
 };
 
+// clang-format off: a scheme reads best as trunk, arm and leg
 constexpr Scheme kSchemes[] = {
     {.name = "Mixamo, LaFAN1, Perception Neuron, CMU (MotionBuilder)",
      .hips = "hips hip", .spine = "lowerback spine spine1 spine2 spine3 spine4",
@@ -95,6 +96,7 @@ constexpr Scheme kSchemes[] = {
      .shoulder = "clavicle", .upper_arm = "upperarm", .lower_arm = "forearm", .hand = "hand",
      .upper_leg = "thigh", .lower_leg = "calf", .foot = "foot", .toes = "toebase"},
 };
+// clang-format on
 
 enum class Side { none, left, right };
 
@@ -104,9 +106,15 @@ struct PlainName {
   Side side = Side::none;
 };
 
-bool is_upper(char c) { return std::isupper(static_cast<unsigned char>(c)) != 0; }
-bool is_alnum(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0; }
-bool is_digit(char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; }
+bool is_upper(char c) {
+  return std::isupper(static_cast<unsigned char>(c)) != 0;
+}
+bool is_alnum(char c) {
+  return std::isalnum(static_cast<unsigned char>(c)) != 0;
+}
+bool is_digit(char c) {
+  return std::isdigit(static_cast<unsigned char>(c)) != 0;
+}
 
 /// Whether a new token starts at `at` inside a run of letters and digits: at "leftUp|Leg" and at
 /// "L|Thigh", where one capital is followed by a capitalised word.
@@ -245,12 +253,16 @@ bool is_among(std::string_view words, std::string_view word) {
   return false;
 }
 
-int& joint_of(RoleMap& map, Role role) { return map.joint_of_role[static_cast<int>(role)]; }
-int joint_of(const RoleMap& map, Role role) { return map.joint_of_role[static_cast<int>(role)]; }
+int& joint_of(RoleMap& map, Role role) {
+  return map.joint_of_role[static_cast<int>(role)];
+}
+int joint_of(const RoleMap& map, Role role) {
+  return map.joint_of_role[static_cast<int>(role)];
+}
 
 /// Spine joints of the scheme on the way from the hips up to the neck, head or arms, hips first.
-std::vector<int> spine_chain(const Skeleton& skeleton, std::span<const PlainName> names,
-                             const Scheme& scheme, const RoleMap& map) {
+std::vector<int> spine_chain(const Skeleton& skeleton, std::span<const PlainName> names, const Scheme& scheme,
+                             const RoleMap& map) {
   const int hips = joint_of(map, Role::hips);
   std::vector<int> chain;
   for (const Role top : {Role::neck, Role::head, Role::left_upper_arm, Role::right_upper_arm}) {
@@ -278,14 +290,19 @@ void assign_spine(const std::vector<int>& chain, RoleMap& map) {
 /// The role a joint should hang below, were all roles played.
 std::optional<Role> role_above(Role role) {
   switch (role) {
-    case Role::hips: return std::nullopt;
-    case Role::spine: return Role::hips;
+    case Role::hips:
+      return std::nullopt;
+    case Role::spine:
+      return Role::hips;
     case Role::left_shoulder:
     case Role::right_shoulder:
-    case Role::neck: return Role::upper_chest;
+    case Role::neck:
+      return Role::upper_chest;
     case Role::left_upper_leg:
-    case Role::right_upper_leg: return Role::hips;
-    default: return static_cast<Role>(static_cast<int>(role) - 1);
+    case Role::right_upper_leg:
+      return Role::hips;
+    default:
+      return static_cast<Role>(static_cast<int>(role) - 1);
   }
 }
 
@@ -335,7 +352,9 @@ int check_hierarchy(const Skeleton& skeleton, RoleMap& map) {
 
 }  // namespace
 
-std::string_view role_name(Role role) { return kRoleNames[static_cast<int>(role)]; }
+std::string_view role_name(Role role) {
+  return kRoleNames[static_cast<int>(role)];
+}
 
 std::optional<Role> role_from_name(std::string_view name) {
   const auto found = std::find(kRoleNames.begin(), kRoleNames.end(), name);

@@ -16,7 +16,8 @@ Eigen::Vector3d centre_of(std::span<const Eigen::Vector3d> points) {
 
 }  // namespace
 
-std::optional<Similarity> fit_similarity(std::span<const Eigen::Vector3d> from, std::span<const Eigen::Vector3d> to) {
+std::optional<Similarity> fit_similarity(std::span<const Eigen::Vector3d> from,
+                                         std::span<const Eigen::Vector3d> to) {
   if (from.empty() || from.size() != to.size()) return std::nullopt;
   const Eigen::Vector3d from_centre = centre_of(from), to_centre = centre_of(to);
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();

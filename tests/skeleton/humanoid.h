@@ -20,25 +20,30 @@ struct HumanoidJoint {
 inline std::vector<HumanoidJoint> humanoid_joints() {
   using enum Role;
   std::vector<HumanoidJoint> joints = {
-      {hips, -1, {0, 0.98, 0}},        {spine, 0, {0, 1.08, -0.01}},
-      {chest, 1, {0, 1.20, -0.02}},    {upper_chest, 2, {0, 1.33, -0.02}},
-      {neck, 3, {0, 1.50, -0.02}},     {head, 4, {0, 1.60, 0.01}},
+      {hips, -1, {0, 0.98, 0}},           {spine, 0, {0, 1.08, -0.01}}, {chest, 1, {0, 1.20, -0.02}},
+      {upper_chest, 2, {0, 1.33, -0.02}}, {neck, 3, {0, 1.50, -0.02}},  {head, 4, {0, 1.60, 0.01}},
   };
   for (const double side : {1.0, -1.0}) {
     const int first = static_cast<int>(joints.size());
     const Role shoulder = side > 0 ? left_shoulder : right_shoulder;
-    const std::vector<Eigen::Vector3d> arm = {
-        {0.03 * side, 1.44, 0}, {0.18 * side, 1.45, -0.02}, {0.46 * side, 1.45, -0.03}, {0.72 * side, 1.45, -0.01}};
+    const std::vector<Eigen::Vector3d> arm = {{0.03 * side, 1.44, 0},
+                                              {0.18 * side, 1.45, -0.02},
+                                              {0.46 * side, 1.45, -0.03},
+                                              {0.72 * side, 1.45, -0.01}};
     for (int part = 0; part < 4; ++part)
-      joints.push_back({static_cast<Role>(static_cast<int>(shoulder) + part), part == 0 ? 3 : first + part - 1, arm[part]});
+      joints.push_back({static_cast<Role>(static_cast<int>(shoulder) + part),
+                        part == 0 ? 3 : first + part - 1, arm[part]});
   }
   for (const double side : {1.0, -1.0}) {
     const int first = static_cast<int>(joints.size());
     const Role thigh = side > 0 ? left_upper_leg : right_upper_leg;
-    const std::vector<Eigen::Vector3d> leg = {
-        {0.09 * side, 0.92, 0}, {0.10 * side, 0.50, 0.01}, {0.10 * side, 0.08, -0.02}, {0.11 * side, 0.02, 0.12}};
+    const std::vector<Eigen::Vector3d> leg = {{0.09 * side, 0.92, 0},
+                                              {0.10 * side, 0.50, 0.01},
+                                              {0.10 * side, 0.08, -0.02},
+                                              {0.11 * side, 0.02, 0.12}};
     for (int part = 0; part < 4; ++part)
-      joints.push_back({static_cast<Role>(static_cast<int>(thigh) + part), part == 0 ? 0 : first + part - 1, leg[part]});
+      joints.push_back(
+          {static_cast<Role>(static_cast<int>(thigh) + part), part == 0 ? 0 : first + part - 1, leg[part]});
   }
   return joints;
 }
@@ -54,8 +59,10 @@ inline RigSkeleton humanoid_rig() {
     made.role = joint.role;
     const double side = joint.position.x() > 0 ? 1.0 : -1.0;
     if (joint.role == Role::head) made.tip = Eigen::Vector3d(0, 1.80, 0.01);
-    if (joint.role == Role::left_hand || joint.role == Role::right_hand) made.tip = Eigen::Vector3d(0.90 * side, 1.44, 0);
-    if (joint.role == Role::left_toes || joint.role == Role::right_toes) made.tip = Eigen::Vector3d(0.11 * side, 0.01, 0.19);
+    if (joint.role == Role::left_hand || joint.role == Role::right_hand)
+      made.tip = Eigen::Vector3d(0.90 * side, 1.44, 0);
+    if (joint.role == Role::left_toes || joint.role == Role::right_toes)
+      made.tip = Eigen::Vector3d(0.11 * side, 0.01, 0.19);
     rig.joints.push_back(std::move(made));
   }
   return rig;
@@ -68,9 +75,11 @@ inline RigSkeleton posed_rig(RigSkeleton rig, const std::vector<Eigen::Quaternio
   for (int joint = 0; joint < rig.joint_count(); ++joint) {
     RigJoint& moved = rig.joints[joint];
     if (moved.parent >= 0)
-      moved.position = rig.joints[moved.parent].position +
-                       turns[moved.parent] * (rest.joints[joint].position - rest.joints[moved.parent].position);
-    if (moved.tip) moved.tip = moved.position + turns[joint] * (*rest.joints[joint].tip - rest.joints[joint].position);
+      moved.position =
+          rig.joints[moved.parent].position +
+          turns[moved.parent] * (rest.joints[joint].position - rest.joints[moved.parent].position);
+    if (moved.tip)
+      moved.tip = moved.position + turns[joint] * (*rest.joints[joint].tip - rest.joints[joint].position);
   }
   return rig;
 }
@@ -87,13 +96,15 @@ inline Skeleton skeleton_of(const RigSkeleton& rig, const std::vector<std::strin
     rest.translation = rig.joints[joint].position;
     rest.rotation = axes[joint];
     if (parent >= 0) {
-      rest.translation = axes[parent].conjugate() * (rig.joints[joint].position - rig.joints[parent].position);
+      rest.translation =
+          axes[parent].conjugate() * (rig.joints[joint].position - rig.joints[parent].position);
       rest.rotation = axes[parent].conjugate() * axes[joint];
     }
     skeleton.rest.push_back(rest);
     skeleton.tips.emplace_back();
     if (rig.joints[joint].tip)
-      skeleton.tips.back().push_back(axes[joint].conjugate() * (*rig.joints[joint].tip - rig.joints[joint].position));
+      skeleton.tips.back().push_back(axes[joint].conjugate() *
+                                     (*rig.joints[joint].tip - rig.joints[joint].position));
   }
   return skeleton;
 }

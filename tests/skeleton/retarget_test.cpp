@@ -11,12 +11,12 @@
 namespace sinew {
 namespace {
 
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
 using test::clip_of;
 using test::humanoid_rig;
 using test::posed_rig;
 using test::skeleton_of;
-using Eigen::Quaterniond;
-using Eigen::Vector3d;
 using Turns = std::vector<Quaterniond>;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -25,19 +25,25 @@ Quaterniond turn(double degrees, const Vector3d& axis) {
   return Quaterniond(Eigen::AngleAxisd(degrees * kDegree, axis.normalized()));
 }
 
-double degrees_between(const Vector3d& a, const Vector3d& b) { return std::atan2(a.cross(b).norm(), a.dot(b)) / kDegree; }
-double degrees_between(const Quaterniond& a, const Quaterniond& b) { return a.angularDistance(b) / kDegree; }
+double degrees_between(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) / kDegree;
+}
+double degrees_between(const Quaterniond& a, const Quaterniond& b) {
+  return a.angularDistance(b) / kDegree;
+}
 
 /// Mixamo's names in Role order, under another namespace so that nothing matches by equal names.
 std::vector<std::string> clip_names() {
-  return {"m:Hips", "m:Spine", "m:Spine1", "m:Spine2", "m:Neck", "m:Head",
-          "m:LeftShoulder", "m:LeftArm", "m:LeftForeArm", "m:LeftHand",
-          "m:RightShoulder", "m:RightArm", "m:RightForeArm", "m:RightHand",
-          "m:LeftUpLeg", "m:LeftLeg", "m:LeftFoot", "m:LeftToeBase",
-          "m:RightUpLeg", "m:RightLeg", "m:RightFoot", "m:RightToeBase"};
+  return {"m:Hips",          "m:Spine",        "m:Spine1",       "m:Spine2",      "m:Neck",
+          "m:Head",          "m:LeftShoulder", "m:LeftArm",      "m:LeftForeArm", "m:LeftHand",
+          "m:RightShoulder", "m:RightArm",     "m:RightForeArm", "m:RightHand",   "m:LeftUpLeg",
+          "m:LeftLeg",       "m:LeftFoot",     "m:LeftToeBase",  "m:RightUpLeg",  "m:RightLeg",
+          "m:RightFoot",     "m:RightToeBase"};
 }
 
-int index_of(Role role) { return static_cast<int>(role); }
+int index_of(Role role) {
+  return static_cast<int>(role);
+}
 
 /// Some orientation per joint, different for each.
 Turns odd_axes() {
@@ -49,7 +55,8 @@ Turns odd_axes() {
 
 bool is_foot(int joint) {
   const Role role = static_cast<Role>(joint);
-  return role == Role::left_foot || role == Role::left_toes || role == Role::right_foot || role == Role::right_toes;
+  return role == Role::left_foot || role == Role::left_toes || role == Role::right_foot ||
+         role == Role::right_toes;
 }
 
 /// Bends everything a little and differently, over `frames` frames; the first is at rest. Feet stay level.
@@ -57,15 +64,18 @@ std::vector<Turns> wild_motion(int frames) {
   std::vector<Turns> turns(static_cast<std::size_t>(frames), Turns(kRoleCount, Quaterniond::Identity()));
   for (int frame = 1; frame < frames; ++frame)
     for (int joint = 0; joint < kRoleCount; ++joint) {
-      const Vector3d axis = is_foot(joint) ? Vector3d(0, 1, 0) : Vector3d(std::cos(joint), std::sin(2.0 * joint), 0.7);
-      turns[frame][joint] = turn(35.0 * std::sin(0.4 * frame + joint), axis) * turn(7.0 * frame, Vector3d::UnitY());
+      const Vector3d axis =
+          is_foot(joint) ? Vector3d(0, 1, 0) : Vector3d(std::cos(joint), std::sin(2.0 * joint), 0.7);
+      turns[frame][joint] =
+          turn(35.0 * std::sin(0.4 * frame + joint), axis) * turn(7.0 * frame, Vector3d::UnitY());
     }
   return turns;
 }
 
 std::vector<Vector3d> wandering_root(int frames) {
   std::vector<Vector3d> root;
-  for (int frame = 0; frame < frames; ++frame) root.emplace_back(0.02 * frame, 0.98 + 0.05 * std::sin(frame), 0.03 * frame);
+  for (int frame = 0; frame < frames; ++frame)
+    root.emplace_back(0.02 * frame, 0.98 + 0.05 * std::sin(frame), 0.03 * frame);
   return root;
 }
 
@@ -106,9 +116,9 @@ Clip moved_world(const Clip& clip, const Quaterniond& world, double scale) {
 
 /// Bones whose direction the method promises, as pairs of roles.
 const std::pair<Role, Role> kBones[] = {
-    {Role::left_upper_arm, Role::left_lower_arm}, {Role::left_lower_arm, Role::left_hand},
+    {Role::left_upper_arm, Role::left_lower_arm},   {Role::left_lower_arm, Role::left_hand},
     {Role::right_upper_arm, Role::right_lower_arm}, {Role::right_lower_arm, Role::right_hand},
-    {Role::left_upper_leg, Role::left_lower_leg}, {Role::left_lower_leg, Role::left_foot},
+    {Role::left_upper_leg, Role::left_lower_leg},   {Role::left_lower_leg, Role::left_foot},
     {Role::right_upper_leg, Role::right_lower_leg}, {Role::right_lower_leg, Role::right_foot}};
 
 /// The largest angle between a bone in the motion and in the clip, the clip's world turned by `world`.
@@ -117,7 +127,9 @@ double worst_direction(const Clip& clip, const Motion& motion, const Quaterniond
   for (int frame = 0; frame < motion.frame_count(); ++frame) {
     const Pose source = pose_at(clip, frame);
     for (const auto& [from, to] : kBones) {
-      const auto bone = [&](const Pose& pose) { return Vector3d(pose.positions[index_of(to)] - pose.positions[index_of(from)]); };
+      const auto bone = [&](const Pose& pose) {
+        return Vector3d(pose.positions[index_of(to)] - pose.positions[index_of(from)]);
+      };
       worst = std::max(worst, degrees_between(bone(motion.poses[frame]), world * bone(source)));
     }
   }
@@ -129,8 +141,10 @@ void expect_same_motion(const Motion& a, const Motion& b, double metres, double 
   double distance = 0.0, angle = 0.0;
   for (int frame = 0; frame < a.frame_count(); ++frame)
     for (int joint = 0; joint < a.poses[frame].joint_count(); ++joint) {
-      distance = std::max(distance, (a.poses[frame].positions[joint] - b.poses[frame].positions[joint]).norm());
-      angle = std::max(angle, degrees_between(a.poses[frame].rotations[joint], b.poses[frame].rotations[joint]));
+      distance =
+          std::max(distance, (a.poses[frame].positions[joint] - b.poses[frame].positions[joint]).norm());
+      angle =
+          std::max(angle, degrees_between(a.poses[frame].rotations[joint], b.poses[frame].rotations[joint]));
     }
   EXPECT_LE(distance, metres);
   EXPECT_LE(angle, degrees);
@@ -158,7 +172,8 @@ TEST(Retarget, onto_the_same_body_under_other_names_is_forward_kinematics) {
     for (int joint = 0; joint < rig.joint_count(); ++joint) {
       EXPECT_LE((motion.poses[frame].positions[joint] - source.positions[joint] - shift).norm(), 1e-9);
       EXPECT_LE(degrees_between(motion.poses[frame].rotations[joint],
-                                source.rotations[joint] * rest.rotations[joint].conjugate()), 1e-6);
+                                source.rotations[joint] * rest.rotations[joint].conjugate()),
+                1e-6);
     }
   }
 }
@@ -186,8 +201,8 @@ TEST(Retarget, units_and_world_of_the_clip_change_nothing) {
   const Clip clip = wild_clip(humanoid_rig(), odd_axes());
   const Motion motion = retarget(clip, rig);
   const Quaterniond z_up = turn(90, Vector3d::UnitX()), turned = turn(37, Vector3d::UnitY());
-  for (const Quaterniond& world : {Quaterniond::Identity(), turned, z_up, z_up * turned, turn(180, Vector3d::UnitX()),
-                                   turn(-90, Vector3d::UnitZ())}) {
+  for (const Quaterniond& world : {Quaterniond::Identity(), turned, z_up, z_up * turned,
+                                   turn(180, Vector3d::UnitX()), turn(-90, Vector3d::UnitZ())}) {
     SCOPED_TRACE(world.coeffs().transpose());
     expect_same_motion(motion, retarget(moved_world(clip, world, 100.0), rig), 1e-9, 1e-6);
   }
@@ -207,7 +222,8 @@ TEST(Retarget, up_and_front_of_the_rig_change_nothing_but_the_world_it_moves_in)
   const Motion expected = retarget(clip, rig), found = retarget(clip, moved);
   for (int frame = 0; frame < expected.frame_count(); ++frame)
     for (int joint = 0; joint < rig.joint_count(); ++joint)
-      EXPECT_LE((found.poses[frame].positions[joint] - world * expected.poses[frame].positions[joint]).norm(), 1e-9);
+      EXPECT_LE((found.poses[frame].positions[joint] - world * expected.poses[frame].positions[joint]).norm(),
+                1e-9);
 }
 
 TEST(Retarget, a_bigger_body_takes_proportionally_longer_steps) {
@@ -220,7 +236,8 @@ TEST(Retarget, a_bigger_body_takes_proportionally_longer_steps) {
   const Motion human = retarget(clip, humanoid_rig()), motion = retarget(clip, giant);
   for (int frame = 0; frame < motion.frame_count(); ++frame)
     for (int joint = 0; joint < giant.joint_count(); ++joint)
-      EXPECT_LE((motion.poses[frame].positions[joint] - 3.0 * human.poses[frame].positions[joint]).norm(), 1e-9);
+      EXPECT_LE((motion.poses[frame].positions[joint] - 3.0 * human.poses[frame].positions[joint]).norm(),
+                1e-9);
 }
 
 TEST(Retarget, the_lowest_foot_of_the_clip_stands_where_the_rigs_does) {
@@ -276,14 +293,16 @@ TEST(Retarget, a_declared_pose_with_all_bones_along_one_axis_is_no_reference) {
 TEST(Retarget, a_clip_that_never_stands_straight_still_points_its_bones) {
   const RigSkeleton rig = humanoid_rig();
   Turns sitting(kRoleCount, Quaterniond::Identity());
-  for (const Role thigh : {Role::left_upper_leg, Role::right_upper_leg}) sitting[index_of(thigh)] = turn(-80, Vector3d::UnitX());
+  for (const Role thigh : {Role::left_upper_leg, Role::right_upper_leg})
+    sitting[index_of(thigh)] = turn(-80, Vector3d::UnitX());
   sitting[index_of(Role::left_upper_arm)] = turn(-60, Vector3d(0, 1, 1));
   const RigSkeleton seated = posed_rig(rig, sitting);
   const Clip clip = wild_clip(seated, odd_axes());
   const Motion motion = retarget(clip, rig);
   // The reference is some frame in which the body looks somewhere: one heading for the whole clip is free.
   const auto thigh = [](const Pose& pose) {
-    return Vector3d(pose.positions[index_of(Role::left_lower_leg)] - pose.positions[index_of(Role::left_upper_leg)]);
+    return Vector3d(pose.positions[index_of(Role::left_lower_leg)] -
+                    pose.positions[index_of(Role::left_upper_leg)]);
   };
   const Vector3d from = thigh(pose_at(clip, 0)), to = thigh(motion.poses[0]);
   const double heading = std::atan2(to.x(), to.z()) - std::atan2(from.x(), from.z());
@@ -295,7 +314,8 @@ TEST(Retarget, a_clip_that_never_stands_straight_still_points_its_bones) {
 TEST(Retarget, a_reference_frame_put_before_the_motion_is_left_out) {
   const RigSkeleton rig = humanoid_rig();
   Clip clip = wild_clip(rig, odd_axes());
-  clip.local[0].translation = Vector3d::Zero();  // the T-pose stands at the origin, up to its hips in the ground
+  clip.local[0].translation =
+      Vector3d::Zero();  // the T-pose stands at the origin, up to its hips in the ground
   for (int frame = 1; frame < clip.frame_count; ++frame)
     clip.local[static_cast<std::size_t>(frame * kRoleCount)].translation += Vector3d(3, 0, 3);
   const Motion motion = retarget(clip, rig);
@@ -329,7 +349,10 @@ TEST(Retarget, a_joint_above_the_hips_moves_rigidly_with_them) {
   }
   const Motion motion = retarget(wild_clip(humanoid_rig(), odd_axes()), rig);
   for (const Pose& pose : motion.poses)
-    EXPECT_LE((pose.rotations[1].conjugate() * (pose.positions[0] - pose.positions[1]) - Vector3d(0, -0.98, 0)).norm(), 1e-12);
+    EXPECT_LE(
+        (pose.rotations[1].conjugate() * (pose.positions[0] - pose.positions[1]) - Vector3d(0, -0.98, 0))
+            .norm(),
+        1e-12);
 }
 
 /// A copy of `skeleton`'s clip without the joints of some roles; their children hang on their parents.
@@ -370,7 +393,8 @@ Clip without(const Clip& clip, const std::vector<Role>& roles) {
 
 TEST(Retarget, optional_joints_that_the_clip_lacks_follow_their_parents) {
   const RigSkeleton rig = humanoid_rig();
-  const Clip clip = without(wild_clip(rig, odd_axes()), {Role::left_shoulder, Role::left_toes, Role::right_hand, Role::neck});
+  const Clip clip = without(wild_clip(rig, odd_axes()),
+                            {Role::left_shoulder, Role::left_toes, Role::right_hand, Role::neck});
   const Motion motion = retarget(clip, rig);
   for (const Pose& pose : motion.poses) {
     const auto same = [&](Role a, Role b) {
@@ -385,13 +409,17 @@ TEST(Retarget, optional_joints_that_the_clip_lacks_follow_their_parents) {
 
 TEST(Retarget, a_longer_spine_shares_the_turn_of_the_clips_shorter_one) {
   const RigSkeleton rig = humanoid_rig();
-  Clip clip = without(wild_clip(rig, Turns(kRoleCount, Quaterniond::Identity()), 2), {Role::chest, Role::upper_chest});
+  Clip clip = without(wild_clip(rig, Turns(kRoleCount, Quaterniond::Identity()), 2),
+                      {Role::chest, Role::upper_chest});
   for (int joint = 0; joint < clip.skeleton.joint_count(); ++joint)
-    clip.local[static_cast<std::size_t>(clip.skeleton.joint_count() + joint)] = clip.local[static_cast<std::size_t>(joint)];
-  clip.local[static_cast<std::size_t>(clip.skeleton.joint_count() + 1)].rotation = turn(60, Vector3d::UnitY());
+    clip.local[static_cast<std::size_t>(clip.skeleton.joint_count() + joint)] =
+        clip.local[static_cast<std::size_t>(joint)];
+  clip.local[static_cast<std::size_t>(clip.skeleton.joint_count() + 1)].rotation =
+      turn(60, Vector3d::UnitY());
   const Motion motion = retarget(clip, rig);
   const auto angle = [&](Role role) {
-    return degrees_between(motion.poses[1].rotations[index_of(role)], motion.poses[0].rotations[index_of(role)]);
+    return degrees_between(motion.poses[1].rotations[index_of(role)],
+                           motion.poses[0].rotations[index_of(role)]);
   };
   EXPECT_NEAR(angle(Role::upper_chest), 60.0, 1e-6);
   EXPECT_GT(angle(Role::spine), 5.0);
@@ -405,8 +433,10 @@ TEST(Retarget, a_shorter_spine_takes_the_whole_turn_of_the_clips_longer_one) {
   for (const RigJoint& joint : humanoid_rig().joints) {  // hips, one spine joint, and the rest
     if (joint.role == Role::chest || joint.role == Role::upper_chest) continue;
     RigJoint kept = joint;
-    if (kept.parent >= 4) kept.parent -= 2;
-    else if (kept.parent >= 2) kept.parent = 1;
+    if (kept.parent >= 4)
+      kept.parent -= 2;
+    else if (kept.parent >= 2)
+      kept.parent = 1;
     rig.joints.push_back(kept);
   }
   const Motion motion = retarget(clip, rig);
@@ -414,7 +444,8 @@ TEST(Retarget, a_shorter_spine_takes_the_whole_turn_of_the_clips_longer_one) {
   for (int frame = 0; frame < motion.frame_count(); ++frame) {
     const int chest = index_of(Role::upper_chest);
     EXPECT_LE(degrees_between(motion.poses[frame].rotations[1],
-                              pose_at(clip, frame).rotations[chest] * rest.rotations[chest].conjugate()), 1e-5);
+                              pose_at(clip, frame).rotations[chest] * rest.rotations[chest].conjugate()),
+              1e-5);
   }
 }
 
@@ -423,11 +454,27 @@ TEST(Retarget, a_trunk_at_rest_in_the_clip_is_at_rest_in_the_rig_however_both_ar
   const RigSkeleton rig = another_rest(humanoid_rig());
   const Motion motion = retarget(wild_clip(humanoid_rig(), odd_axes()), rig);
   const Pose& standing = motion.poses[0];
-  for (const Role role : {Role::hips, Role::head}) EXPECT_LE(degrees_between(standing.rotations[index_of(role)], Quaterniond::Identity()), 1e-6);
-  for (const Role role : {Role::chest, Role::upper_chest, Role::neck, Role::left_shoulder})
-    EXPECT_LE(degrees_between(standing.rotations[index_of(role)], standing.rotations[index_of(Role::spine)]), 1e-6);
-  const auto spine = [](const std::vector<Vector3d>& at) { return Vector3d(at[index_of(Role::neck)] - at[index_of(Role::spine)]); };
-  EXPECT_LE(degrees_between(spine(standing.positions), spine(rest_pose(humanoid_rig()).positions)), 1e-6);
+  for (const Role role :
+       {Role::hips, Role::spine, Role::chest, Role::upper_chest, Role::neck, Role::head, Role::left_shoulder})
+    EXPECT_LE(degrees_between(standing.rotations[index_of(role)], Quaterniond::Identity()), 1e-6)
+        << role_name(role);
+}
+
+TEST(Retarget, a_body_on_four_legs_keeps_its_trunk_level_and_its_forelegs_follow_the_arms) {
+  Turns level(kRoleCount, Quaterniond::Identity());
+  for (const Role role :
+       {Role::spine, Role::chest, Role::upper_chest, Role::neck, Role::left_shoulder, Role::right_shoulder})
+    level[index_of(role)] = turn(85, Vector3d::UnitX());
+  for (int part = 1; part < 4; ++part) {
+    level[index_of(Role::left_shoulder) + part] = turn(-90, Vector3d::UnitZ());
+    level[index_of(Role::right_shoulder) + part] = turn(90, Vector3d::UnitZ());
+  }
+  const RigSkeleton rig = posed_rig(humanoid_rig(), level);
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  const Motion motion = retarget(clip, rig);
+  for (const Role role : {Role::hips, Role::spine, Role::upper_chest, Role::neck, Role::head})
+    EXPECT_LE(degrees_between(motion.poses[0].rotations[index_of(role)], Quaterniond::Identity()), 1e-6);
+  EXPECT_LE(worst_direction(clip, motion, Quaterniond::Identity()), 1e-6);
 }
 
 TEST(Retarget, feet_that_stand_in_the_motion_stand_on_their_soles_whatever_the_declared_pose_says) {
@@ -459,9 +506,11 @@ TEST(Retarget, the_map_of_the_rig_file_wins_over_roles) {
 TEST(Retarget, an_animal_moves_by_the_map_alone) {
   // A spine and two legs of some animal, without roles.
   RigSkeleton rig;
-  const std::tuple<const char*, int, Vector3d> joints[] = {
-      {"body", -1, {0, 1, 0}}, {"tail", 0, {0, 1.1, -0.5}}, {"tail tip", 1, {0, 1.2, -1}},
-      {"leg", 0, {0.2, 0.9, 0}}, {"hoof", 3, {0.2, 0.1, 0}}};
+  const std::tuple<const char*, int, Vector3d> joints[] = {{"body", -1, {0, 1, 0}},
+                                                           {"tail", 0, {0, 1.1, -0.5}},
+                                                           {"tail tip", 1, {0, 1.2, -1}},
+                                                           {"leg", 0, {0.2, 0.9, 0}},
+                                                           {"hoof", 3, {0.2, 0.1, 0}}};
   for (const auto& [name, parent, position] : joints) {
     RigJoint joint;
     joint.name = name;
@@ -521,7 +570,8 @@ TEST(Retarget, refuses_a_map_that_names_joints_that_are_not_there) {
   const Clip clip = wild_clip(humanoid_rig(), odd_axes());
   RigSkeleton rig = humanoid_rig();
   rig.map = {{"left_hand", "Pfote"}};
-  EXPECT_EQ(refusal(clip, rig), "the rig's [map] pairs 'left_hand' with 'Pfote', but the clip has no joint of that name");
+  EXPECT_EQ(refusal(clip, rig),
+            "the rig's [map] pairs 'left_hand' with 'Pfote', but the clip has no joint of that name");
   rig.map = {{"paw", "m:LeftHand"}};
   EXPECT_EQ(refusal(clip, rig), "the rig's [map] names its joint 'paw', which it does not have");
 }

@@ -160,6 +160,39 @@ TEST(Retarget, every_bone_points_where_the_clips_bone_points_whatever_the_rest_p
     }
 }
 
+TEST(Retarget, every_joint_turns_from_frame_to_frame_as_the_clips_joint_does) {
+  const RigSkeleton rig = another_rest(humanoid_rig());
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  const Motion motion = retarget(clip, rig);
+  for (int frame = 1; frame < motion.frame_count(); ++frame) {
+    const Pose before = pose_at(clip, frame - 1), now = pose_at(clip, frame);
+    const Pose& moved_before = motion.poses[frame - 1];
+    const Pose& moved = motion.poses[frame];
+    for (int joint = 0; joint < rig.joint_count(); ++joint)
+      EXPECT_LE(degrees_between(moved.rotations[joint] * moved_before.rotations[joint].conjugate(),
+                                now.rotations[joint] * before.rotations[joint].conjugate()),
+                1e-5)
+          << rig.joints[joint].name;
+  }
+}
+
+TEST(Retarget, a_declared_pose_that_stands_is_the_reference_though_a_frame_stands_straighter) {
+  Turns arm_ahead(kRoleCount, Quaterniond::Identity());
+  for (int part = 1; part < 4; ++part)
+    arm_ahead[index_of(Role::left_shoulder) + part] = turn(-20, Vector3d::UnitY());
+  const RigSkeleton declared = posed_rig(humanoid_rig(), arm_ahead);
+  Turns leaning(kRoleCount, Quaterniond::Identity());
+  for (int part = 1; part < 4; ++part)
+    leaning[index_of(Role::left_shoulder) + part] = turn(20, Vector3d::UnitY());
+  for (const Role role : {Role::spine, Role::chest, Role::upper_chest})
+    leaning[index_of(role)] = turn(3, Vector3d::UnitX());
+  const Clip clip = clip_of(skeleton_of(declared, clip_names(), odd_axes()), std::vector<Turns>(6, leaning),
+                            std::vector<Vector3d>(6, Vector3d(0, 0.98, 0)));
+  const Motion motion = retarget(clip, humanoid_rig());
+  EXPECT_NEAR(degrees_between(motion.poses[3].rotations[index_of(Role::chest)], Quaterniond::Identity()), 3.0,
+              1e-6);
+}
+
 TEST(Retarget, onto_the_same_body_under_other_names_is_forward_kinematics) {
   const RigSkeleton rig = humanoid_rig();
   const Clip clip = wild_clip(rig, odd_axes());

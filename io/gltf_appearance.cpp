@@ -12,6 +12,7 @@ namespace {
 
 using nlohmann::json;
 
+constexpr std::size_t kMostElements = 50'000;  // of one array
 constexpr std::uint64_t kLargestImage = std::uint64_t{256} << 20;
 
 /// By the first bytes, which do not lie as names do.
@@ -61,6 +62,7 @@ class AppearanceReader {
 
   GltfAppearance read() {
     if (count_of("materials") == 0) return {};
+    for (const char* key : {"materials", "textures", "samplers", "images"}) check_size(key);
     read_images();
     read_textures();
     if (count_of("samplers") > 0) kept_["samplers"] = root_.member("samplers").value();
@@ -78,6 +80,13 @@ class AppearanceReader {
 
  private:
   std::size_t count_of(const char* key) const { return root_.has(key) ? root_.member(key).array_size() : 0; }
+
+  void check_size(const char* key) const {
+    if (count_of(key) <= kMostElements) return;
+    throw FileError(FileFault::resource, root_.member(key).where(),
+                    "has " + std::to_string(count_of(key)) + " elements; at most " + std::to_string(kMostElements) +
+                        " are read");
+  }
 
   void read_images() {
     image_index_.resize(count_of("images"));

@@ -17,6 +17,9 @@ constexpr double kSamePose = 1e-4;
 /// The same for one skin against the file's own nodes, whose rotations may come from keys: sloppier.
 constexpr double kAtRest = 1e-2;
 
+/// Steps up the tree from skins to roots: a second's worth. Real files take a few hundred.
+constexpr std::int64_t kMostClimbs = 20'000'000;
+
 std::vector<Eigen::Affine3d> read_inverse_bind(const GltfDocument& document, int index) {
   const GltfSkin& skin = document.skins[index];
   std::vector<Eigen::Affine3d> matrices(skin.joints.size(), Eigen::Affine3d::Identity());
@@ -31,20 +34,6 @@ std::vector<Eigen::Affine3d> read_inverse_bind(const GltfDocument& document, int
     matrices[i].matrix().topRows<3>() = matrix.topRows<3>();
   }
   return matrices;
-}
-
-std::vector<int> drawn_skins(const GltfDocument& document) {
-  std::vector<int> skins;
-  std::vector<bool> met(document.skins.size(), false);
-  for (const int node : document.scene_order) {
-    const int skin = document.nodes[node].mesh >= 0 ? document.nodes[node].skin : -1;
-    if (skin < 0 || met[skin]) continue;
-    met[skin] = true;
-    skins.push_back(skin);
-  }
-  if (!skins.empty()) return skins;
-  for (std::size_t skin = 0; skin < document.skins.size(); ++skin) skins.push_back(static_cast<int>(skin));
-  return skins;
 }
 
 bool agree(const Eigen::Affine3d& a, const Eigen::Affine3d& b) {
@@ -65,12 +54,15 @@ bool is_likely(const Eigen::Affine3d& a, const Eigen::Affine3d& b) {
 class BindPose {
  public:
   explicit BindPose(const GltfDocument& document)
-      : document_(document), fixed_(document.nodes.size()), rank_(document.nodes.size()) {
+      : document_(document),
+        rest_world_(node_worlds(document, rest_locals(document))),
+        fixed_(document.nodes.size()),
+        rank_(document.nodes.size()) {
     for (std::size_t i = 0; i < document.node_order.size(); ++i) rank_[document.node_order[i]] = static_cast<int>(i);
   }
 
   GltfBind read() {
-    bind_.skins = drawn_skins(document_);
+    find_drawn_skins();
     bind_.inverse_bind.resize(document_.skins.size());
     for (const int skin : bind_.skins) {
       bind_.inverse_bind[skin] = read_inverse_bind(document_, skin);
@@ -81,15 +73,30 @@ class BindPose {
   }
 
  private:
+  void find_drawn_skins() {
+    drawn_by_.assign(document_.skins.size(), -1);
+    for (const int node : document_.scene_order) {
+      const int skin = document_.nodes[node].mesh >= 0 ? document_.nodes[node].skin : -1;
+      if (skin < 0 || drawn_by_[skin] >= 0) continue;
+      drawn_by_[skin] = node;
+      bind_.skins.push_back(skin);
+    }
+    if (!bind_.skins.empty()) return;
+    for (std::size_t skin = 0; skin < document_.skins.size(); ++skin) bind_.skins.push_back(static_cast<int>(skin));
+  }
+
   Eigen::Affine3d local(int node) const {
     const GltfNode& at = document_.nodes[node];
     return at.rest_matrix ? *at.rest_matrix : at.rest.matrix();
   }
 
   /// With what is known so far.
-  Eigen::Affine3d world(int node) const {
+  Eigen::Affine3d world(int node) {
     Eigen::Affine3d result = Eigen::Affine3d::Identity();
     for (int at = node; at >= 0; at = document_.nodes[at].parent) {
+      if (++climbed_ > kMostClimbs) {
+        throw FileError(FileFault::resource, document_.file, "has too many skins in too deep a tree of nodes");
+      }
       if (fixed_[at]) return *fixed_[at] * result;
       result = local(at) * result;
     }
@@ -107,30 +114,24 @@ class BindPose {
                                     skin.joints.begin());
   }
 
-  bool is_at_rest(const GltfSkin& skin, const std::vector<Eigen::Affine3d>& inverse_bind,
-                  const Eigen::Affine3d& mesh_to_scene) const {
+  bool is_at_rest(const GltfSkin& skin, const std::vector<Eigen::Affine3d>& inverse_bind, std::size_t leader) const {
+    const Eigen::Matrix3d expected = (rest_world_[skin.joints[leader]] * inverse_bind[leader]).linear();
     for (std::size_t i = 0; i < skin.joints.size(); ++i) {
-      const Eigen::Matrix3d difference = (world(skin.joints[i]) * inverse_bind[i]).linear() - mesh_to_scene.linear();
-      if (difference.norm() > kAtRest * mesh_to_scene.linear().norm()) return false;
+      const Eigen::Matrix3d difference = (rest_world_[skin.joints[i]] * inverse_bind[i]).linear() - expected;
+      if (difference.norm() > kAtRest * expected.norm()) return false;
     }
     return true;
   }
 
-  std::optional<Eigen::Affine3d> mesh_node_world(int skin) const {
-    for (const int node : document_.scene_order) {
-      if (document_.nodes[node].mesh >= 0 && document_.nodes[node].skin == skin) return world(node);
-    }
-    return std::nullopt;
-  }
-
-  Eigen::Affine3d mesh_to_scene_of(int index) const {
+  Eigen::Affine3d mesh_to_scene_of(int index) {
     const GltfSkin& skin = document_.skins[index];
     const std::vector<Eigen::Affine3d>& inverse_bind = bind_.inverse_bind[index];
     const std::size_t leader = leading_joint(skin);
     const Eigen::Affine3d by_joint = world(skin.joints[leader]) * inverse_bind[leader];
-    if (fixed_[skin.joints[leader]] || is_at_rest(skin, inverse_bind, by_joint)) return by_joint;
-    const std::optional<Eigen::Affine3d> by_node = mesh_node_world(index);
-    return by_node && is_likely(*by_node, by_joint) ? *by_node : by_joint;
+    if (fixed_[skin.joints[leader]] || is_at_rest(skin, inverse_bind, leader)) return by_joint;
+    if (drawn_by_[index] < 0) return by_joint;
+    const Eigen::Affine3d by_node = world(drawn_by_[index]);
+    return is_likely(by_node, by_joint) ? by_node : by_joint;
   }
 
   void place(int index) {
@@ -175,9 +176,12 @@ class BindPose {
   }
 
   const GltfDocument& document_;
+  std::vector<Eigen::Affine3d> rest_world_;
   std::vector<std::optional<Eigen::Affine3d>> fixed_;
   std::vector<int> rank_;  ///< of a node in node_order
   GltfBind bind_;
+  std::vector<int> drawn_by_;  ///< per skin of the file, the first node that draws with it
+  std::int64_t climbed_ = 0;
   int differing_ = 0;
   int flat_ = 0;
 };

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <numeric>
 #include <optional>
 
@@ -14,8 +13,9 @@ namespace sinew {
 namespace {
 
 /// What a scene may grow to by repeating its meshes; a file can ask for far more than its own size.
-constexpr std::uint64_t kMostVertices = 50'000'000;
-constexpr std::uint64_t kMostIndices = 300'000'000;
+constexpr std::uint64_t kMostVertices = 20'000'000;
+constexpr std::uint64_t kMostIndices = 100'000'000;
+constexpr std::uint64_t kMostAttributeBytes = std::uint64_t{2} << 30;
 
 /// Weights whose sum is further than this from 1 are reported; stored as bytes, four of them miss 1 by 2/255.
 constexpr double kWeightSlack = 0.01;
@@ -62,10 +62,14 @@ class BodyReader {
     if (!whole) ++left_over_;
     vertices_ += document_.accessors[position].count;
     indices_ += 3 * corners;
-    if (vertices_ > kMostVertices || indices_ > kMostIndices) {
+    for (const auto& [name, accessor] : primitive.attributes) {
+      attribute_bytes_ += document_.accessors[accessor].count * 4 * document_.accessors[accessor].components;
+    }
+    if (vertices_ > kMostVertices || indices_ > kMostIndices || attribute_bytes_ > kMostAttributeBytes) {
       throw FileError(FileFault::resource, document_.where("nodes", part.node),
-                      "with its mesh the scene has more than " + std::to_string(kMostVertices) + " vertices or " +
-                          std::to_string(kMostIndices) + " indices");
+                      "with its mesh the scene has more than " + std::to_string(kMostVertices) + " vertices, " +
+                          std::to_string(kMostIndices) + " indices or " + std::to_string(kMostAttributeBytes) +
+                          " bytes of attributes");
     }
     part.positions = read_numbers(document_, position);
     if (part.skin >= 0) read_influences(primitive, part);
@@ -139,6 +143,7 @@ class BodyReader {
   GltfBody body_;
   std::uint64_t vertices_ = 0;
   std::uint64_t indices_ = 0;
+  std::uint64_t attribute_bytes_ = 0;
   int not_drawn_ = 0;
   int left_over_ = 0;
   int without_weights_ = 0;

@@ -21,6 +21,9 @@ std::size_t count_of(const JsonPlace& root, const char* key) {
   return root.has(key) ? root.member(key).array_size() : 0;
 }
 
+/// Elements of any one array. An empty object in the file becomes about a kilobyte here.
+constexpr std::size_t kMostElements = 300'000;
+
 /// offset + length <= size, without the sum.
 bool fits(std::uint64_t offset, std::uint64_t length, std::uint64_t size) {
   return offset <= size && length <= size - offset;
@@ -30,6 +33,10 @@ bool fits(std::uint64_t offset, std::uint64_t length, std::uint64_t size) {
 template <class Check>
 void for_each(const JsonPlace& root, const char* key, Check check) {
   const std::size_t count = count_of(root, key);
+  if (count > kMostElements) {
+    throw FileError(FileFault::resource, root.member(key).where(),
+                    "has " + std::to_string(count) + " elements; at most " + std::to_string(kMostElements) + " are read");
+  }
   for (std::size_t i = 0; i < count; ++i) {
     const JsonPlace place = root.member(key).element(i);
     place.expect_object();

@@ -418,6 +418,11 @@ std::size_t element_size(const GltfAccessor& accessor) {
   return static_cast<std::size_t>(component_size(accessor.component_type)) * accessor.components;
 }
 
+std::size_t stride_of(const GltfDocument& document, const GltfAccessor& accessor) {
+  const std::size_t declared = document.views[accessor.view].stride;
+  return declared > 0 ? declared : element_size(accessor);
+}
+
 }  // namespace
 
 int GltfPrimitive::attribute(const std::string& name) const {
@@ -444,7 +449,7 @@ std::vector<std::byte> read_packed(const GltfDocument& document, int index) {
   const std::size_t size = element_size(accessor);
   std::vector<std::byte> packed(accessor.count * size);
   if (accessor.view >= 0) {
-    const std::size_t stride = document.views[accessor.view].stride > 0 ? document.views[accessor.view].stride : size;
+    const std::size_t stride = stride_of(document, accessor);
     const std::byte* data = view_data(document, accessor.view) + accessor.offset;
     for (std::uint64_t i = 0; i < accessor.count; ++i) std::memcpy(packed.data() + i * size, data + i * stride, size);
   }
@@ -465,6 +470,19 @@ std::vector<double> read_numbers(const GltfDocument& document, int index) {
     }
   }
   return numbers;
+}
+
+double read_last_number(const GltfDocument& document, int index) {
+  const GltfAccessor& accessor = document.accessors[index];
+  if (accessor.view < 0 || accessor.sparse) return read_numbers(document, index).back();
+  const std::size_t stride = stride_of(document, accessor);
+  const std::size_t last = element_size(accessor) - component_size(accessor.component_type);
+  const std::byte* from = view_data(document, accessor.view) + accessor.offset + (accessor.count - 1) * stride + last;
+  const double number = number_at(from, accessor.component_type, accessor.normalized);
+  if (!std::isfinite(number)) {
+    throw FileError(FileFault::malformed, document.where("accessors", index), "the last element is not finite");
+  }
+  return number;
 }
 
 std::vector<std::uint32_t> read_whole_numbers(const GltfDocument& document, int index) {

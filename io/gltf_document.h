@@ -125,6 +125,9 @@ GltfDocument read_gltf_document(const std::filesystem::path& path);
 /// [0, 1] or [-1, 1]. Throws FileError at the first that is not finite.
 std::vector<double> read_numbers(const GltfDocument& document, int accessor);
 
+/// The last of an accessor's numbers, without reading the others.
+double read_last_number(const GltfDocument& document, int accessor);
+
 /// An accessor's elements as whole numbers (unsigned component types only), count x components.
 std::vector<std::uint32_t> read_whole_numbers(const GltfDocument& document, int accessor);
 

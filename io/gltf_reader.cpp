@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -87,12 +86,13 @@ class UniqueNames {
   std::string take(const std::string& name, std::size_t index) {
     const std::string wanted = name.empty() ? "joint_" + std::to_string(index) : name;
     std::string unique = wanted;
-    for (int copy = 2; !taken_.insert(unique).second; ++copy) unique = wanted + "_" + std::to_string(copy);
+    while (copies_.contains(unique)) unique = wanted + "_" + std::to_string(++copies_[wanted]);
+    copies_.emplace(unique, 1);
     return unique;
   }
 
  private:
-  std::set<std::string> taken_;
+  std::map<std::string, int> copies_;  ///< how many of each name have been given out
 };
 
 /// The skins' joints, but for those that move nothing: neither they nor a node below has vertices.
@@ -157,9 +157,9 @@ struct GltfFile::Members {
   GltfBody body;
   std::vector<int> joints;         ///< of the rig: nodes, parents before children
   std::vector<int> joint_of_node;  ///< -1 for nodes that are no joints of the rig
+  std::vector<int> joint_above;    ///< of every node: the nearest joint among its ancestors, or -1
 
   int find_animation(const std::string& wanted) const;
-  int parent_joint(int node) const;
   std::vector<std::vector<Eigen::Vector3d>> own_vertices() const;
   void find_tips(RigSkeleton& rig) const;
   int frames_of(const GltfTracks& tracks, int animation, double frames_per_second) const;
@@ -170,6 +170,11 @@ GltfFile::Members::Members(const std::filesystem::path& path)
   joints = moving_joints(document, bind, body);
   joint_of_node.assign(document.nodes.size(), -1);
   for (std::size_t joint = 0; joint < joints.size(); ++joint) joint_of_node[joints[joint]] = static_cast<int>(joint);
+  joint_above.assign(document.nodes.size(), -1);
+  for (const int node : document.node_order) {
+    const int parent = document.nodes[node].parent;
+    if (parent >= 0) joint_above[node] = joint_of_node[parent] >= 0 ? joint_of_node[parent] : joint_above[parent];
+  }
 }
 
 int GltfFile::Members::find_animation(const std::string& wanted) const {
@@ -188,13 +193,6 @@ int GltfFile::Members::find_animation(const std::string& wanted) const {
                       std::to_string(all.size() - 1));
 }
 
-int GltfFile::Members::parent_joint(int node) const {
-  for (int at = document.nodes[node].parent; at >= 0; at = document.nodes[at].parent) {
-    if (joint_of_node[at] >= 0) return joint_of_node[at];
-  }
-  return -1;
-}
-
 /// Per joint, the vertices that follow it alone or nearly. Rigid parts count whole for the joint they
 /// hang under.
 std::vector<std::vector<Eigen::Vector3d>> GltfFile::Members::own_vertices() const {
@@ -202,7 +200,7 @@ std::vector<std::vector<Eigen::Vector3d>> GltfFile::Members::own_vertices() cons
   const Field3 placed = place_vertices(body, document, bind, bind.world);
   int row = 0;
   for (const GltfPart& part : body.parts) {
-    const int holder = part.skin < 0 ? parent_joint(part.node) : -1;
+    const int holder = part.skin < 0 ? joint_above[part.node] : -1;
     for (int vertex = 0; vertex < part.vertex_count(); ++vertex, ++row) {
       if (holder >= 0) own[holder].push_back(placed.row(row));
       for (int i = vertex * part.influences; i < (vertex + 1) * part.influences; ++i) {
@@ -245,7 +243,6 @@ std::vector<GltfSkinSummary> GltfFile::skins() const {
 
 std::vector<GltfAnimationSummary> GltfFile::animations() const {
   const GltfDocument& document = members_->document;
-  std::map<int, double> last_key;  // channels share their times, so each accessor is read once
   std::vector<GltfAnimationSummary> result;
   for (const GltfAnimation& animation : document.animations) {
     GltfAnimationSummary summary{animation.name, 0.0, static_cast<int>(animation.channels.size()), 0};
@@ -254,8 +251,7 @@ std::vector<GltfAnimationSummary> GltfFile::animations() const {
       if (channel.path == GltfPath::weights) continue;
       moved.insert(channel.node);
       const int input = animation.samplers[channel.sampler].input;
-      if (!last_key.contains(input)) last_key[input] = read_numbers(document, input).back();
-      summary.seconds = std::max(summary.seconds, last_key[input]);
+      summary.seconds = std::max(summary.seconds, read_last_number(document, input));
     }
     summary.joints = static_cast<int>(moved.size());
     result.push_back(std::move(summary));
@@ -283,7 +279,7 @@ std::optional<RigSkeleton> GltfFile::rig() const {
     const int node = joints[joint];
     RigJoint made;
     made.name = names.take(members_->document.nodes[node].name, joint);
-    made.parent = members_->parent_joint(node);
+    made.parent = members_->joint_above[node];
     made.position = members_->bind.world[node].translation();
     Transform rest;
     rest.translation = made.position;
@@ -355,7 +351,7 @@ Motion GltfFile::motion(const std::string& animation, double frames_per_second) 
     }
   }
   std::vector<int> parents;
-  for (const int node : members_->joints) parents.push_back(members_->parent_joint(node));
+  for (const int node : members_->joints) parents.push_back(members_->joint_above[node]);
   make_continuous(motion.poses, parents);
   return motion;
 }

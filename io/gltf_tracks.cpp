@@ -9,8 +9,9 @@
 namespace sinew {
 namespace {
 
-/// Numbers one animation may decode to, since channels can share an accessor and so multiply it: 2 GiB.
-constexpr std::uint64_t kMostNumbers = std::uint64_t{256} << 20;
+/// Numbers one animation may decode to, since channels can share an accessor and so multiply it: 1 GiB, or two
+/// hours of 60 joints at 30 Hz.
+constexpr std::uint64_t kMostNumbers = std::uint64_t{128} << 20;
 
 /// Appendix C.4: slerp over the shorter arc.
 Eigen::Vector4d turned(const Eigen::Vector4d& from, const Eigen::Vector4d& to, double share) {

@@ -388,7 +388,7 @@ TEST(GltfReader, a_mirrored_node_keeps_its_triangles_facing_out) {
 TEST(GltfReader, attributes_keep_their_own_type_and_directions_turn_with_the_mesh) {
   File file = triangle();
   Json& attributes = file.json["meshes"][0]["primitives"][0]["attributes"];
-  attributes["NORMAL"] = file.add_floats("VEC3", {0, 0, 1, 0, 0, 1, 0, 0, 1});
+  attributes["NORMAL"] = file.add_floats("VEC3", {0, .6f, .8f, 0, .6f, .8f, 0, .6f, .8f});
   attributes["TEXCOORD_0"] = file.add<std::uint16_t>("VEC2", 5123, {0, 1, 2, 3, 4, 5}, true);
   const MeshAsset as_is = read(file).mesh();
   file.json["nodes"][0]["rotation"] = {0, std::sqrt(0.5), 0, std::sqrt(0.5)};
@@ -405,8 +405,9 @@ TEST(GltfReader, attributes_keep_their_own_type_and_directions_turn_with_the_mes
   EXPECT_EQ(named(as_is, "TEXCOORD_0").data, named(turned, "TEXCOORD_0").data);
   float normal[3];
   std::memcpy(normal, named(turned, "NORMAL").data.data(), sizeof normal);
-  EXPECT_NEAR(normal[0], 1.0, 1e-6);
-  EXPECT_NEAR(normal[2], 0.0, 1e-6);
+  // Stretched along z, a normal leans away from z; then z turns into x.
+  const Eigen::Vector3d expected = Eigen::Vector3d(0.8 / 7, 0.6, 0).normalized();
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(normal[i], expected[i], 1e-6);
 }
 
 TEST(GltfReader, sparse_values_replace_and_views_interleave) {

@@ -39,7 +39,8 @@ std::vector<RimEdge> rim_edges(const TriMesh& mesh) {
     for (; surplus > 0; --surplus) rim.push_back({high, low});
     for (; surplus < 0; ++surplus) rim.push_back({low, high});
   }
-  std::stable_sort(rim.begin(), rim.end(), [](const RimEdge& a, const RimEdge& b) { return a.from < b.from; });
+  std::stable_sort(rim.begin(), rim.end(),
+                   [](const RimEdge& a, const RimEdge& b) { return a.from < b.from; });
   return rim;
 }
 

@@ -107,7 +107,8 @@ struct LatticeNodes {
 class ColumnWinding {
  public:
   void pass(const Crossing& crossing) {
-    if (crossing.component >= static_cast<int>(of_component_.size())) of_component_.resize(crossing.component + 1, 0);
+    if (crossing.component >= static_cast<int>(of_component_.size()))
+      of_component_.resize(crossing.component + 1, 0);
     int& winding = of_component_[crossing.component];
     overlapping_ -= std::abs(winding) > 1;
     winding += crossing.change;
@@ -212,8 +213,8 @@ std::vector<Edge> concatenate(std::vector<std::vector<Edge>>& parts) {
 }
 
 /// One half of the 14 neighbors: every edge from the node that comes first in scan order.
-constexpr std::array<std::array<int, 3>, 7> kForwardNeighbors = {{
-    {0, 0, 2}, {0, 2, 0}, {2, 0, 0}, {1, -1, -1}, {1, -1, 1}, {1, 1, -1}, {1, 1, 1}}};
+constexpr std::array<std::array<int, 3>, 7> kForwardNeighbors = {
+    {{0, 0, 2}, {0, 2, 0}, {2, 0, 0}, {1, -1, -1}, {1, -1, 1}, {1, 1, -1}, {1, 1, 1}}};
 
 /// Edges between lattice nodes, numbered from `first_node`; those that cross the surface are dropped.
 std::vector<Edge> join_lattice(const Lattice& lattice, const LatticeNodes& kept, const Solid& solid,
@@ -231,7 +232,8 @@ std::vector<Edge> join_lattice(const Lattice& lattice, const LatticeNodes& kept,
           // Lids over holes may: depths do not know them.
           const double length = (dx == 1 ? kNearestNeighbor : 1.0) * lattice.spacing;
           const bool clear = solid.closed() && kept.nodes[node].depth + kept.nodes[other].depth > length;
-          if (!clear && solid.crosses(lattice.position(x, y, z), lattice.position(x + dx, y + dy, z + dz))) continue;
+          if (!clear && solid.crosses(lattice.position(x, y, z), lattice.position(x + dx, y + dy, z + dz)))
+            continue;
           rows[x].push_back({first_node + node, first_node + other, 1.0});
         }
       }
@@ -311,7 +313,8 @@ class SurfaceLinker {
     candidates.clear();
     const double half = lattice_.spacing / 2.0;
     std::array<double, 3> center = {};
-    for (int k = 0; k < 3; ++k) center[k] = (from[lattice_.axes[k]] - lattice_.origin[lattice_.axes[k]]) / half;
+    for (int k = 0; k < 3; ++k)
+      center[k] = (from[lattice_.axes[k]] - lattice_.origin[lattice_.axes[k]]) / half;
     const double span = radius / half;
     const auto first = [&](int k) { return static_cast<int>(std::ceil(center[k] - span)); };
     const auto last = [&](int k) { return static_cast<int>(std::floor(center[k] + span)); };
@@ -323,8 +326,9 @@ class SurfaceLinker {
         const double upright = std::sqrt(span * span - sideways);
         const std::size_t column = static_cast<std::size_t>(x) * lattice_.size[1] + y;
         const auto end = kept_.nodes.begin() + kept_.column_start[column + 1];
-        auto node = std::lower_bound(kept_.nodes.begin() + kept_.column_start[column], end, center[2] - upright,
-                                     [](const LatticeNode& a, double z) { return a.z < z; });
+        auto node =
+            std::lower_bound(kept_.nodes.begin() + kept_.column_start[column], end, center[2] - upright,
+                             [](const LatticeNode& a, double z) { return a.z < z; });
         for (; node != end && node->z <= center[2] + upright; ++node) {
           const Vector3d position = lattice_.position(x, y, node->z);
           const double distance = (position - from).norm();
@@ -339,7 +343,8 @@ class SurfaceLinker {
   }
 
   /// Links to a corner of the triangle that the inward normal meets first.
-  bool link_across(int vertex, const Vector3d& from, const Vector3d& outward, std::vector<Edge>& edges) const {
+  bool link_across(int vertex, const Vector3d& from, const Vector3d& outward,
+                   std::vector<Edge>& edges) const {
     thread_local std::vector<Crossing> crossings;
     const Vector3d to = from - kFarReach * lattice_.spacing * outward;
     solid_.crossings(from, to, crossings);
@@ -390,7 +395,8 @@ std::vector<Edge> link_surface(const SurfaceLinker& linker, int vertex_count, Th
 }
 
 /// Whether edges lead from each interior node to some surface vertex.
-std::vector<char> reached_from_surface(int surface_count, int interior_count, const std::vector<Edge>& edges) {
+std::vector<char> reached_from_surface(int surface_count, int interior_count,
+                                       const std::vector<Edge>& edges) {
   std::vector<int> parent(surface_count + interior_count);
   std::iota(parent.begin(), parent.end(), 0);
   const auto root = [&parent](int node) {
@@ -402,7 +408,8 @@ std::vector<char> reached_from_surface(int surface_count, int interior_count, co
     parent[std::max(a, b)] = std::min(a, b);  // the smallest node is the root: surface vertices come first
   }
   std::vector<char> reached(interior_count);
-  for (int node = 0; node < interior_count; ++node) reached[node] = root(surface_count + node) < surface_count;
+  for (int node = 0; node < interior_count; ++node)
+    reached[node] = root(surface_count + node) < surface_count;
   return reached;
 }
 
@@ -465,8 +472,8 @@ InsideSamples sample_inside(const BoundingBox& box, const Solid& solid, ThreadTe
   InsideSamples samples;
   if (!(spacing > 0.0)) return samples;
   samples.volume_each = spacing * spacing * spacing / 2.0;
-  const LatticeNodes inside = scan_lattice(lay_lattice(box, spacing), solid, 0.0,
-                                           std::numeric_limits<double>::infinity(), team);
+  const LatticeNodes inside =
+      scan_lattice(lay_lattice(box, spacing), solid, 0.0, std::numeric_limits<double>::infinity(), team);
   for (const LatticeNode& node : inside.nodes) samples.depths.push_back(node.depth);
   return samples;
 }
@@ -487,7 +494,8 @@ double spacing_for_density(const TriMesh& mesh, const Solid& solid, double densi
 
 double default_spacing(const TriMesh& mesh, const Solid& solid, ThreadTeam& team) {
   const double spacing = kDefaultEdges * mean_edge_length(mesh) / kNearestNeighbor;
-  const double most_nodes = 2.0 * std::abs(enclosed_volume(mesh, mesh.positions)) / (spacing * spacing * spacing);
+  const double most_nodes =
+      2.0 * std::abs(enclosed_volume(mesh, mesh.positions)) / (spacing * spacing * spacing);
   if (!(most_nodes > kMostDensity * mesh.vertex_count())) return spacing;
   return std::max(spacing, spacing_for_density(mesh, solid, kMostDensity, team));
 }
@@ -505,7 +513,8 @@ std::string short_number(double value) {
 }
 
 /// Refuses before memory is touched. The box holds at most this many nodes, the inside fewer.
-void check_node_count(const BoundingBox& box, const Solid& solid, double spacing, int max_nodes, ThreadTeam& team) {
+void check_node_count(const BoundingBox& box, const Solid& solid, double spacing, int max_nodes,
+                      ThreadTeam& team) {
   const Eigen::Array3d steps = half_spacings(box, spacing).array() + 1.0;
   const double columns = steps.prod() / steps.maxCoeff();
   const double scan = std::max(columns, steps.maxCoeff());  // what a scan needs even if it finds nothing
@@ -524,7 +533,8 @@ double lattice_spacing(const TriMesh& mesh, const Solid& solid, const VolumeGrap
   check_option("spacing", options.spacing);
   check_option("density", options.density);
   double spacing = options.spacing;
-  if (spacing == 0.0 && options.density > 0.0) spacing = spacing_for_density(mesh, solid, options.density, team);
+  if (spacing == 0.0 && options.density > 0.0)
+    spacing = spacing_for_density(mesh, solid, options.density, team);
   if (spacing == 0.0) spacing = default_spacing(mesh, solid, team);
   if (!(spacing > 0.0)) {
     throw UnusableInput("volume graph: all triangles of the mesh are single points; expected a surface");

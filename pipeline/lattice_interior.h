@@ -18,8 +18,9 @@ struct InteriorNodes {
 };
 
 /// Lattice constant that `options` ask for: `spacing` itself, or the one at which about `density`
-/// nodes a surface vertex fit inside, or the default that VolumeGraphOptions describes. Throws std::invalid_argument on a negative or infinite option, UnusableInput
-/// when the mesh has no extent or more than max_nodes nodes are to be expected.
+/// nodes a surface vertex fit inside, or the default that VolumeGraphOptions describes. Throws
+/// std::invalid_argument on a negative or infinite option, UnusableInput when the mesh has no extent or more
+/// than max_nodes nodes are to be expected.
 double lattice_spacing(const TriMesh& mesh, const Solid& solid, const VolumeGraphOptions& options,
                        ThreadTeam& team);
 

@@ -168,7 +168,8 @@ Vector3d nearest_on_triangle(const Vector3d& point, const Vector3d& a, const Vec
   const Vector3d normal = (b - a).cross(c - a);
   const double area = normal.squaredNorm();
   const bool over = area > 0.0 && (b - a).cross(point - a).dot(normal) >= 0.0 &&
-                    (c - b).cross(point - b).dot(normal) >= 0.0 && (a - c).cross(point - c).dot(normal) >= 0.0;
+                    (c - b).cross(point - b).dot(normal) >= 0.0 &&
+                    (a - c).cross(point - c).dot(normal) >= 0.0;
   if (over) return point - (point - a).dot(normal) / area * normal;
   Vector3d best = nearest_on_edge(point, a, b);
   for (const Vector3d& other : {nearest_on_edge(point, b, c), nearest_on_edge(point, c, a)}) {
@@ -189,12 +190,13 @@ struct NearestQuery {
 bool visit_triangle(RTCPointQueryFunctionArguments* arguments) {
   auto& query = *static_cast<NearestQuery*>(arguments->userPtr);
   const unsigned id = arguments->primID;
-  const Vector3d nearest = nearest_on_triangle(query.point, query.set->corner(id, 0), query.set->corner(id, 1),
-                                               query.set->corner(id, 2));
+  const Vector3d nearest = nearest_on_triangle(query.point, query.set->corner(id, 0),
+                                               query.set->corner(id, 1), query.set->corner(id, 2));
   const double distance = (nearest - query.point).norm();
   const int triangle = static_cast<int>(id);
   // Of triangles equally near the first counts, whatever order Embree visits them in.
-  if (distance > query.distance || (distance == query.distance && query.triangle >= 0 && triangle > query.triangle)) {
+  if (distance > query.distance ||
+      (distance == query.distance && query.triangle >= 0 && triangle > query.triangle)) {
     return false;
   }
   query.distance = distance;
@@ -271,7 +273,8 @@ std::vector<int> usable_triangles(const TriMesh& mesh) {
                                   "; expected 0 to " + std::to_string(mesh.vertex_count() - 1));
     }
     const bool finite = mesh.positions.row(triangle[0]).allFinite() &&
-                        mesh.positions.row(triangle[1]).allFinite() && mesh.positions.row(triangle[2]).allFinite();
+                        mesh.positions.row(triangle[1]).allFinite() &&
+                        mesh.positions.row(triangle[2]).allFinite();
     if (finite) sorted.emplace_back(triangle[0], triangle[1], triangle[2], static_cast<int>(index));
   }
   std::sort(sorted.begin(), sorted.end());
@@ -279,8 +282,9 @@ std::vector<int> usable_triangles(const TriMesh& mesh) {
   usable.reserve(sorted.size());
   for (std::size_t k = 0; k < sorted.size(); ++k) {
     const auto [a, b, c, index] = sorted[k];
-    const bool first = k == 0 || std::tie(a, b, c) != std::tie(std::get<0>(sorted[k - 1]), std::get<1>(sorted[k - 1]),
-                                                               std::get<2>(sorted[k - 1]));
+    const bool first =
+        k == 0 || std::tie(a, b, c) != std::tie(std::get<0>(sorted[k - 1]), std::get<1>(sorted[k - 1]),
+                                                std::get<2>(sorted[k - 1]));
     if (first) usable.push_back(index);
   }
   std::sort(usable.begin(), usable.end());
@@ -400,7 +404,9 @@ Solid::~Solid() = default;
 Solid::Solid(Solid&&) noexcept = default;
 Solid& Solid::operator=(Solid&&) noexcept = default;
 
-bool Solid::closed() const { return members_->lids.triangles.empty() && !members_->empty(); }
+bool Solid::closed() const {
+  return members_->lids.triangles.empty() && !members_->empty();
+}
 
 bool Solid::contains(const Vector3d& point) const {
   const Vector3d unit = members_->to_unit(point);
@@ -444,7 +450,8 @@ void Solid::crossings(const Vector3d& a, const Vector3d& b, std::vector<Crossing
     }
   }
   std::sort(found.begin(), found.end(), [](const Crossing& left, const Crossing& right) {
-    return std::tie(left.share, left.triangle, left.change) < std::tie(right.share, right.triangle, right.change);
+    return std::tie(left.share, left.triangle, left.change) <
+           std::tie(right.share, right.triangle, right.change);
   });
 }
 

@@ -43,8 +43,7 @@ class Solid {
 
   /// Distance to the nearest triangle, never negative, or `limit` when nothing is nearer than that;
   /// a small limit makes the query cheap. Infinite for an empty mesh without a limit.
-  double distance(const Eigen::Vector3d& point,
-                  double limit = std::numeric_limits<double>::infinity()) const;
+  double distance(const Eigen::Vector3d& point, double limit = std::numeric_limits<double>::infinity()) const;
 
   /// The nearest point of the surface; `point` itself for an empty mesh.
   Eigen::Vector3d nearest(const Eigen::Vector3d& point) const;

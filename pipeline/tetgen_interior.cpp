@@ -58,7 +58,8 @@ std::string find_worker(const VolumeGraphOptions& options) {
     const std::filesystem::path candidate = std::filesystem::path(folder) / kWorkerName;
     if (candidate.is_absolute() && is_program(candidate)) return candidate;
   }
-  throw TetgenFailure(std::string(kWorkerName) + " was not found, neither beside this program nor on the PATH");
+  throw TetgenFailure(std::string(kWorkerName) +
+                      " was not found, neither beside this program nor on the PATH");
 }
 
 /// Vertices in the box from -1 to 1: TetGen's tolerances then do not depend on where and how large the
@@ -78,7 +79,8 @@ struct UnitBox {
 };
 
 std::string surface_message(const TriMesh& mesh, double largest_volume) {
-  const SurfaceHeader header{static_cast<std::uint64_t>(mesh.vertex_count()), mesh.triangles.size(), largest_volume};
+  const SurfaceHeader header{static_cast<std::uint64_t>(mesh.vertex_count()), mesh.triangles.size(),
+                             largest_volume};
   std::string bytes(kSurfaceMagic);
   append(bytes, &header, 1);
   append(bytes, mesh.positions.data(), static_cast<std::size_t>(mesh.positions.size()));
@@ -151,10 +153,13 @@ void check_filling(const TriMesh& surface, const Tetrahedra& tetrahedra) {
     }
     volume += checked_volume(tetrahedra, corners);
   }
-  require(std::find(used.begin() + vertex_count, used.end(), 0) == used.end(), "a node without a tetrahedron");
-  const double enclosed = std::abs(enclosed_volume(surface, surface.positions));  // whichever way it is turned
-  require(std::abs(volume - enclosed) <= kVolumeTolerance * enclosed,
-          "the tetrahedra have " + std::to_string(volume / enclosed) + " times the volume inside the surface");
+  require(std::find(used.begin() + vertex_count, used.end(), 0) == used.end(),
+          "a node without a tetrahedron");
+  const double enclosed =
+      std::abs(enclosed_volume(surface, surface.positions));  // whichever way it is turned
+  require(
+      std::abs(volume - enclosed) <= kVolumeTolerance * enclosed,
+      "the tetrahedra have " + std::to_string(volume / enclosed) + " times the volume inside the surface");
 }
 
 std::vector<Edge> tetrahedra_edges(const std::vector<Tetrahedron>& tetrahedra) {

@@ -12,7 +12,8 @@ class TetgenFailure : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Tetrahedra that keep the surface as it is, about as many nodes as a lattice of constant `spacing` would have.
+/// Tetrahedra that keep the surface as it is, about as many nodes as a lattice of constant `spacing` would
+/// have.
 ///
 /// They come from the program sinew-tetgen, run under the limits in `options`: TetGen has been seen to crash
 /// on damaged surfaces and to corrupt memory. Its answer is checked like a file from a stranger. Edges are

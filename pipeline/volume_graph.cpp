@@ -13,7 +13,8 @@ namespace sinew {
 namespace {
 
 void check_mesh(const TriMesh& mesh) {
-  if (mesh.triangles.empty()) throw UnusableInput("volume graph: the mesh has no triangles; expected a surface");
+  if (mesh.triangles.empty())
+    throw UnusableInput("volume graph: the mesh has no triangles; expected a surface");
   for (std::size_t index = 0; index < mesh.triangles.size(); ++index) {
     for (const int vertex : mesh.triangles[index]) {
       if (vertex >= 0 && vertex < mesh.vertex_count()) continue;
@@ -66,8 +67,8 @@ double mean_interior_edge(const VolumeGraph& volume) {
 }
 
 /// Tetrahedra if they can be had; false, and one warning, if not.
-bool fill_by_worker(const TriMesh& mesh, const Solid& solid, double spacing, const VolumeGraphOptions& options,
-                    VolumeGraph& volume) {
+bool fill_by_worker(const TriMesh& mesh, const Solid& solid, double spacing,
+                    const VolumeGraphOptions& options, VolumeGraph& volume) {
   try {
     join(mesh, fill_with_tetrahedra(mesh, solid, spacing, options), volume);
   } catch (const TetgenFailure& failure) {
@@ -80,12 +81,14 @@ bool fill_by_worker(const TriMesh& mesh, const Solid& solid, double spacing, con
   return true;
 }
 
-void fill_by_lattice(const TriMesh& mesh, const Solid& solid, double spacing, ThreadTeam& team, VolumeGraph& volume) {
+void fill_by_lattice(const TriMesh& mesh, const Solid& solid, double spacing, ThreadTeam& team,
+                     VolumeGraph& volume) {
   join(mesh, fill_with_lattice(mesh, solid, spacing, team), volume);
   volume.interior = Interior::lattice;
   volume.spacing = spacing;
   if (volume.node_count() > volume.surface_count) return;
-  volume.warnings.push_back("W_NO_INTERIOR: no lattice node fits inside the surface; a smaller spacing may help");
+  volume.warnings.push_back(
+      "W_NO_INTERIOR: no lattice node fits inside the surface; a smaller spacing may help");
 }
 
 }  // namespace

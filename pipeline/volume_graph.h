@@ -40,7 +40,7 @@ struct VolumeGraph {
   Graph graph;
   Field3 rest_positions;  ///< node_count x 3
   int surface_count = 0;
-  double spacing = 0.0;   ///< lattice constant used, or the mean interior edge; 0 without interior
+  double spacing = 0.0;  ///< lattice constant used, or the mean interior edge; 0 without interior
   Interior interior = Interior::none;  ///< what was really built, after any fallback
   std::vector<std::string> warnings;
 
@@ -57,7 +57,7 @@ struct VolumeGraph {
 /// Throws UnusableInput when the mesh has no triangles, a coordinate is not finite, or more than
 /// max_nodes nodes are to be expected; std::invalid_argument on a negative option or a triangle that
 /// names no vertex. After [Zhou et al. 2005], which Shi 2006 builds on.
-VolumeGraph build_volume_graph(const TriMesh& mesh, const Solid& solid,
-                               const VolumeGraphOptions& options, ThreadTeam& team);
+VolumeGraph build_volume_graph(const TriMesh& mesh, const Solid& solid, const VolumeGraphOptions& options,
+                               ThreadTeam& team);
 
 }  // namespace sinew

@@ -66,7 +66,8 @@ FileDescriptor above_standard_streams(FileDescriptor descriptor) {
 Channel open_channel() {
   std::array<int, 2> ends = {-1, -1};
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) return {};
-  Channel channel{above_standard_streams(FileDescriptor(ends[0])), above_standard_streams(FileDescriptor(ends[1]))};
+  Channel channel{above_standard_streams(FileDescriptor(ends[0])),
+                  above_standard_streams(FileDescriptor(ends[1]))};
   if (channel.ours.open()) fcntl(channel.ours.number(), F_SETFL, O_NONBLOCK);
   return channel;
 }
@@ -95,7 +96,8 @@ struct Start {
   setrlimit(RLIMIT_CORE, &no_core);
   setrlimit(RLIMIT_CPU, &start.processor_seconds);
   setrlimit(RLIMIT_AS, &start.address_space);
-  if (dup2(start.input, 0) < 0 || dup2(start.output, 1) < 0 || dup2(start.messages, 2) < 0) _exit(kNotStarted);
+  if (dup2(start.input, 0) < 0 || dup2(start.output, 1) < 0 || dup2(start.messages, 2) < 0)
+    _exit(kNotStarted);
   close_range(3, ~0U, 0);
   std::array<char*, 2> arguments = {const_cast<char*>(start.program), nullptr};
   execv(start.program, arguments.data());
@@ -129,9 +131,12 @@ class Conversation {
   bool start(const std::string& program) {
     Channel input = open_channel(), output = open_channel(), messages = open_channel();
     if (!input.theirs.open() || !output.theirs.open() || !messages.theirs.open()) return false;
-    const Start start{program.c_str(),           input.theirs.number(),
-                      output.theirs.number(),    messages.theirs.number(),
-                      both(limits_.seconds + 1), both(limits_.megabytes * 1048576.0),
+    const Start start{program.c_str(),
+                      input.theirs.number(),
+                      output.theirs.number(),
+                      messages.theirs.number(),
+                      both(limits_.seconds + 1),
+                      both(limits_.megabytes * 1048576.0),
                       getpid()};
     pid_ = fork();
     if (pid_ == 0) become_worker(start);
@@ -154,7 +159,8 @@ class Conversation {
       // Short naps: a grandchild may keep the streams open after the worker itself has gone. Asked
       // before the nap, so that nothing the worker wrote last is missed.
       const bool exited = has_exited();
-      const int ready = poll(waiting.data(), waiting.size(), static_cast<int>(std::min(left * 1000.0 + 1.0, 20.0)));
+      const int ready =
+          poll(waiting.data(), waiting.size(), static_cast<int>(std::min(left * 1000.0 + 1.0, 20.0)));
       if (ready < 0 && errno != EINTR) return std::string("cannot be waited for: ") + std::strerror(errno);
       if (ready == 0 && exited) break;
       if (ready <= 0) continue;
@@ -162,7 +168,8 @@ class Conversation {
       if (waiting[1].revents != 0) receive(messages_, message_, kMessageBytes);
       const auto most = static_cast<std::size_t>(std::min(limits_.megabytes * 1048576.0, 1e15));
       if (waiting[0].revents != 0 && !receive(from_worker_, output_, most)) {
-        return "wrote more than its limit of " + std::to_string(static_cast<long long>(limits_.megabytes)) + " MB";
+        return "wrote more than its limit of " + std::to_string(static_cast<long long>(limits_.megabytes)) +
+               " MB";
       }
     }
     while (!has_exited()) {
@@ -197,11 +204,13 @@ class Conversation {
   /// Without taking its exit status: until that is taken its number is not given to anyone else.
   bool has_exited() const {
     siginfo_t info = {};
-    if (waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) != 0) return errno != EINTR;
+    if (waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) != 0)
+      return errno != EINTR;
     return info.si_pid == pid_;
   }
 
-  /// Kills what is left of the worker's process group and takes its exit status. Returns what that says against it.
+  /// Kills what is left of the worker's process group and takes its exit status. Returns what that says
+  /// against it.
   std::string end() {
     kill(-pid_, SIGKILL);
     int status = 0;

@@ -114,12 +114,12 @@ TriMesh box(const Vector3d& size, int segments) {
 
 TriMesh sphere(double radius, int subdivisions) {
   const double g = std::numbers::phi;
-  std::vector<Vector3d> points = {{-1, g, 0}, {1, g, 0}, {-1, -g, 0}, {1, -g, 0}, {0, -1, g}, {0, 1, g},
-                                  {0, -1, -g}, {0, 1, -g}, {g, 0, -1}, {g, 0, 1}, {-g, 0, -1}, {-g, 0, 1}};
-  std::vector<std::array<int, 3>> triangles = {
-      {0, 11, 5}, {0, 5, 1}, {0, 1, 7}, {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4}, {11, 10, 2}, {10, 7, 6},
-      {7, 1, 8}, {3, 9, 4}, {3, 4, 2}, {3, 2, 6}, {3, 6, 8}, {3, 8, 9}, {4, 9, 5}, {2, 4, 11}, {6, 2, 10},
-      {8, 6, 7}, {9, 8, 1}};
+  std::vector<Vector3d> points = {{-1, g, 0},  {1, g, 0},  {-1, -g, 0}, {1, -g, 0}, {0, -1, g},  {0, 1, g},
+                                  {0, -1, -g}, {0, 1, -g}, {g, 0, -1},  {g, 0, 1},  {-g, 0, -1}, {-g, 0, 1}};
+  std::vector<std::array<int, 3>> triangles = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
+                                               {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
+                                               {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
+                                               {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
   for (int step = 0; step < subdivisions; ++step) {
     std::map<std::pair<int, int>, int> middle_of;
     const auto middle = [&](int a, int b) {
@@ -158,7 +158,9 @@ TriMesh torus(double ring_radius, double tube_radius, int ring_segments, int tub
 TriMesh tube(const std::vector<Vector3d>& axis, double radius, int around) {
   const double step = 2.0 * std::numbers::pi * radius / around;
   const int cap_rings = std::max(2, static_cast<int>(std::lround(around / 4.0)));
-  const auto direction = [&](std::size_t piece) { return (axis[piece + 1] - axis[piece]).normalized().eval(); };
+  const auto direction = [&](std::size_t piece) {
+    return (axis[piece + 1] - axis[piece]).normalized().eval();
+  };
   const std::size_t pieces = axis.size() - 1;
 
   Sweep sweep{around, {}, {}};
@@ -177,8 +179,10 @@ TriMesh tube(const std::vector<Vector3d>& axis, double radius, int around) {
   for (std::size_t piece = 0; piece < pieces; ++piece) {
     const Vector3d along = direction(piece);
     const Vector3d after = piece + 1 < pieces ? direction(piece + 1) : along;
-    const std::vector<Vector3d> end = slide_to_plane(ring, along, axis[piece + 1], (along + after).normalized());
-    const int steps = std::max(1, static_cast<int>(std::lround((axis[piece + 1] - axis[piece]).norm() / step)));
+    const std::vector<Vector3d> end =
+        slide_to_plane(ring, along, axis[piece + 1], (along + after).normalized());
+    const int steps =
+        std::max(1, static_cast<int>(std::lround((axis[piece + 1] - axis[piece]).norm() / step)));
     for (int k = 1; k <= steps; ++k) {
       std::vector<Vector3d> between;
       for (int point = 0; point < around; ++point) {

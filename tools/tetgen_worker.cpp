@@ -29,14 +29,22 @@ constexpr int kInputError = 10;
 
 std::string_view reason(int code) {
   switch (code) {
-    case 1: return "out of memory";
-    case 2: return "internal error of TetGen";
-    case 3: return "the surface intersects itself";
-    case 4: return "the surface has a feature too small for TetGen";
-    case 5: return "two faces of the surface are too close to each other";
-    case kInputError: return "TetGen cannot use this surface";
-    case 200: return "TetGen would have to add points on the surface";
-    default: return "TetGen failed";
+    case 1:
+      return "out of memory";
+    case 2:
+      return "internal error of TetGen";
+    case 3:
+      return "the surface intersects itself";
+    case 4:
+      return "the surface has a feature too small for TetGen";
+    case 5:
+      return "two faces of the surface are too close to each other";
+    case kInputError:
+      return "TetGen cannot use this surface";
+    case 200:
+      return "TetGen would have to add points on the surface";
+    default:
+      return "TetGen failed";
   }
 }
 
@@ -60,7 +68,8 @@ double read_surface(std::string_view bytes, tetgenio& surface) {
   take(bytes, &header, 1);
   constexpr std::uint64_t kMany = std::uint64_t{1} << 31;  // TetGen counts in int
   require(header.vertex_count < kMany && header.triangle_count < kMany);
-  const std::uint64_t payload = header.vertex_count * 3 * sizeof(double) + header.triangle_count * 3 * sizeof(std::int32_t);
+  const std::uint64_t payload =
+      header.vertex_count * 3 * sizeof(double) + header.triangle_count * 3 * sizeof(std::int32_t);
   require(payload == bytes.size() - sizeof(std::uint64_t));
 
   surface.numberofpoints = static_cast<int>(header.vertex_count);

@@ -33,7 +33,8 @@ std::vector<Shape> all_shapes() {
 }
 
 TEST(Shapes, AreClosedSoThatNoHoleIsLeftToCover) {
-  for (const Shape& shape : all_shapes()) EXPECT_TRUE(close_holes(shape.mesh).triangles.empty()) << shape.name;
+  for (const Shape& shape : all_shapes())
+    EXPECT_TRUE(close_holes(shape.mesh).triangles.empty()) << shape.name;
 }
 
 TEST(Shapes, EncloseTheVolumeOfTheirSmoothOriginals) {

@@ -15,11 +15,13 @@ inline TriMesh weld(const std::vector<Eigen::Vector3d>& points, std::vector<std:
   std::map<std::array<double, 3>, int> vertex_at;
   std::vector<int> vertex_of_point;
   for (const Eigen::Vector3d& p : points) {
-    vertex_of_point.push_back(vertex_at.try_emplace({p.x(), p.y(), p.z()}, static_cast<int>(vertex_at.size())).first->second);
+    vertex_of_point.push_back(
+        vertex_at.try_emplace({p.x(), p.y(), p.z()}, static_cast<int>(vertex_at.size())).first->second);
   }
   TriMesh mesh;
   mesh.positions.resize(static_cast<Eigen::Index>(vertex_at.size()), 3);
-  for (std::size_t k = 0; k < points.size(); ++k) mesh.positions.row(vertex_of_point[k]) = points[k].transpose();
+  for (std::size_t k = 0; k < points.size(); ++k)
+    mesh.positions.row(vertex_of_point[k]) = points[k].transpose();
   for (auto& triangle : triangles) {
     for (int& corner : triangle) corner = vertex_of_point[corner];
   }

@@ -20,7 +20,9 @@ using Eigen::Vector3d;
 
 constexpr int kPoints = 4000;
 
-double sphere_depth(const Vector3d& point) { return 1.0 - point.norm(); }
+double sphere_depth(const Vector3d& point) {
+  return 1.0 - point.norm();
+}
 double torus_depth(const Vector3d& point) {
   return 0.3 - std::hypot(std::hypot(point.x(), point.z()) - 1.0, point.y());
 }
@@ -85,7 +87,9 @@ TEST(SolidContains, ASurfaceModelledFromBothSidesIsInsideOnce) {
 TEST(SolidContains, WhereTwoBodiesOverlapIsInside) {
   const Vector3d aside(0.8, 0.0, 0.0);
   const TriMesh mesh = joined(fine_sphere(), moved(fine_sphere(), 1.0, aside));
-  const auto depth = [&](const Vector3d& point) { return std::max(sphere_depth(point), sphere_depth(point - aside)); };
+  const auto depth = [&](const Vector3d& point) {
+    return std::max(sphere_depth(point), sphere_depth(point - aside));
+  };
   EXPECT_EQ(wrong_verdicts(mesh, depth, 0.002), 0);
 }
 
@@ -100,8 +104,9 @@ TEST(SolidContains, AShellWithinAShellIsACavityOnlyWhenItIsTurnedInward) {
 TEST(SolidContains, AnOpenTubeIsInsideUpToTheLidsOnItsEnds) {
   TriMesh mesh = samples::tube({{0, 0, 0}, {4, 0, 0}}, 0.5, 32);
   std::erase_if(mesh.triangles, [&](const auto& triangle) {
-    return std::any_of(triangle.begin(), triangle.end(),
-                       [&](int vertex) { return mesh.positions(vertex, 0) < 1.0 || mesh.positions(vertex, 0) > 3.0; });
+    return std::any_of(triangle.begin(), triangle.end(), [&](int vertex) {
+      return mesh.positions(vertex, 0) < 1.0 || mesh.positions(vertex, 0) > 3.0;
+    });
   });
   const Solid solid(mesh);
   EXPECT_FALSE(solid.closed());
@@ -114,7 +119,8 @@ TEST(SolidContains, AnOpenTubeIsInsideUpToTheLidsOnItsEnds) {
 TEST(SolidContains, NothingIsInsideAFlatSheet) {
   TriMesh sheet = samples::box({1, 1, 1}, 4);
   std::erase_if(sheet.triangles, [&](const auto& triangle) {
-    return std::any_of(triangle.begin(), triangle.end(), [&](int vertex) { return sheet.positions(vertex, 2) < 0.4; });
+    return std::any_of(triangle.begin(), triangle.end(),
+                       [&](int vertex) { return sheet.positions(vertex, 2) < 0.4; });
   });
   const Solid solid(sheet);
   for (const Vector3d& point : random_points({Vector3d::Constant(-1), Vector3d::Constant(1)}, 500)) {
@@ -154,7 +160,8 @@ TEST(SolidDistance, StopsAtTheLimit) {
 TEST(Solid, LidsOverHolesBoundTheInsideButAreNoSurfaceToMeasureFrom) {
   TriMesh mesh = samples::box({2, 2, 2}, 1);
   std::erase_if(mesh.triangles, [&](const auto& triangle) {
-    return std::all_of(triangle.begin(), triangle.end(), [&](int vertex) { return mesh.positions(vertex, 0) > 0.0; });
+    return std::all_of(triangle.begin(), triangle.end(),
+                       [&](int vertex) { return mesh.positions(vertex, 0) > 0.0; });
   });
   const Solid solid(mesh);
   EXPECT_TRUE(solid.contains({0.9, 0.0, 0.0}));
@@ -234,7 +241,9 @@ TEST(Solid, LeavesOutWhatIsNotFiniteAndWhatHasNoArea) {
   mesh.positions.bottomRows(1).setConstant(std::numeric_limits<double>::infinity());
   mesh.triangles.push_back({0, 1, first});
   mesh.triangles.push_back({2, 2, 2});
-  EXPECT_EQ(wrong_verdicts({mesh.positions, {mesh.triangles.begin(), mesh.triangles.end() - 2}}, sphere_depth, 0.002), 0);
+  EXPECT_EQ(wrong_verdicts({mesh.positions, {mesh.triangles.begin(), mesh.triangles.end() - 2}}, sphere_depth,
+                           0.002),
+            0);
   const Solid solid(mesh);
   EXPECT_TRUE(solid.contains({0.3, 0.2, 0.1}));
   EXPECT_FALSE(solid.contains({0.9, 0.9, 0.1}));

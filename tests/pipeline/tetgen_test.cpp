@@ -1,7 +1,7 @@
 #include "pipeline/tetgen_protocol.h"
 
-#include <gtest/gtest.h>
 #include <fcntl.h>
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -135,15 +135,16 @@ TEST_F(Tetgen, AMissingWorkerIsSaidToBeMissing) {
 }
 
 TEST_F(Tetgen, AFileThatIsNoProgramCannotBeStarted) {
-  expect_fallback(fill(cube(), write("data", std::string("\x01\x02\x03", 3))), cube(), "could not be started");
+  expect_fallback(fill(cube(), write("data", std::string("\x01\x02\x03", 3))), cube(),
+                  "could not be started");
 }
 
 TEST_F(Tetgen, ExitCodesAreToldWithTheFirstLineOfWhatTheWorkerSaid) {
   for (const int code : {1, 2, 3, 4, 5, 10, 200}) {
     const std::string end = "exit " + std::to_string(code);
     expect_fallback(fill(cube(), script(end)), cube(), "stopped with code " + std::to_string(code));
-    expect_fallback(fill(cube(), script("cat > /dev/null; echo 'so it is' >&2; echo more >&2; " + end)), cube(),
-                    "stopped with code " + std::to_string(code) + ": so it is");
+    expect_fallback(fill(cube(), script("cat > /dev/null; echo 'so it is' >&2; echo more >&2; " + end)),
+                    cube(), "stopped with code " + std::to_string(code) + ": so it is");
   }
 }
 
@@ -154,8 +155,8 @@ TEST_F(Tetgen, DeathByASignalIsToldByItsName) {
 
 TEST_F(Tetgen, AWorkerThatHangsIsEndedWithAllItStarted) {
   expect_fallback(fill(cube(), script("sleep 600"), 0.2), cube(), "took longer than 0.2 s");
-  expect_fallback(fill(cube(), script("sleep 600 & trap '' TERM INT HUP; while :; do sleep 600; done"), 0.2), cube(),
-                  "took longer than 0.2 s");
+  expect_fallback(fill(cube(), script("sleep 600 & trap '' TERM INT HUP; while :; do sleep 600; done"), 0.2),
+                  cube(), "took longer than 0.2 s");
   expect_fallback(fill(cube(), script("exec > /dev/null 2> /dev/null < /dev/null; sleep 600"), 0.2), cube(),
                   "took longer than 0.2 s");
 }
@@ -173,8 +174,10 @@ TEST_F(Tetgen, NothingThatTheWorkerStartedOutlivesIt) {
 }
 
 TEST_F(Tetgen, AWorkerThatLeavesAChildBehindIsNotWaitedForLonger) {
-  EXPECT_EQ(fill(cube(), script("cat > /dev/null; sleep 600 & cat '" + write("answer", Answer().bytes()) + "'")).interior,
-            Interior::tetgen);
+  EXPECT_EQ(
+      fill(cube(), script("cat > /dev/null; sleep 600 & cat '" + write("answer", Answer().bytes()) + "'"))
+          .interior,
+      Interior::tetgen);
 }
 
 TEST_F(Tetgen, AWorkerThatDoesNotReadItsInputRaisesNoSignal) {
@@ -183,8 +186,7 @@ TEST_F(Tetgen, AWorkerThatDoesNotReadItsInputRaisesNoSignal) {
 }
 
 TEST_F(Tetgen, AWorkerThatEatsMemoryMeetsItsLimit) {
-  const WorkerResult result =
-      run_worker(script("ulimit -v"), "", {.seconds = 20.0, .megabytes = 512.0});
+  const WorkerResult result = run_worker(script("ulimit -v"), "", {.seconds = 20.0, .megabytes = 512.0});
   EXPECT_EQ(result.failure, "");
   EXPECT_EQ(result.output, std::to_string(512 * 1024) + "\n");
 }
@@ -205,8 +207,8 @@ TEST_F(Tetgen, EveryTruncatedAnswerIsRefused) {
 }
 
 TEST_F(Tetgen, GarbageIsRefused) {
-  expect_fallback(fill(cube(), script("cat > /dev/null; echo hello, here are your tetrahedra, enjoy them")), cube(),
-                  "answered nonsense: not tetrahedra");
+  expect_fallback(fill(cube(), script("cat > /dev/null; echo hello, here are your tetrahedra, enjoy them")),
+                  cube(), "answered nonsense: not tetrahedra");
   expect_fallback(fill(cube(), answering(Answer().bytes() + "x")), cube(),
                   "answered nonsense: the sizes do not match");
   std::string flipped = Answer().bytes();
@@ -218,10 +220,10 @@ TEST_F(Tetgen, HugeCountsAreRefusedBeforeMemoryIsTouched) {
   const std::uint64_t huge = std::uint64_t{1} << 62;
   expect_fallback(fill(cube(), answering(changed([&](Answer& a) { a.header.node_count = huge; }))), cube(),
                   "answered nonsense: 4611686018427387904 nodes, more than the limit of 20000008");
-  expect_fallback(fill(cube(), answering(changed([&](Answer& a) { a.header.node_count = 10'000'000; }))), cube(),
-                  "answered nonsense: the sizes do not match");
-  expect_fallback(fill(cube(), answering(changed([&](Answer& a) { a.header.tetrahedron_count = huge; }))), cube(),
-                  "answered nonsense: the sizes do not match");
+  expect_fallback(fill(cube(), answering(changed([&](Answer& a) { a.header.node_count = 10'000'000; }))),
+                  cube(), "answered nonsense: the sizes do not match");
+  expect_fallback(fill(cube(), answering(changed([&](Answer& a) { a.header.tetrahedron_count = huge; }))),
+                  cube(), "answered nonsense: the sizes do not match");
 }
 
 TEST_F(Tetgen, WellFormedNonsenseIsRefused) {
@@ -233,7 +235,8 @@ TEST_F(Tetgen, WellFormedNonsenseIsRefused) {
   expect_refused([&](Answer& a) { a.nodes[0] += 1e-9; }, "the surface is not the one that was sent");
   expect_refused([&](Answer& a) { a.corners[5] = 9; }, "a tetrahedron names a node that is not there");
   expect_refused([&](Answer& a) { a.corners[5] = -1; }, "a tetrahedron names a node that is not there");
-  expect_refused([&](Answer& a) { std::swap(a.corners[4], a.corners[5]); }, "a tetrahedron is turned inside out");
+  expect_refused([&](Answer& a) { std::swap(a.corners[4], a.corners[5]); },
+                 "a tetrahedron is turned inside out");
   expect_refused(
       [&](Answer& a) {
         a.corners.resize(a.corners.size() - 4);
@@ -262,7 +265,8 @@ TEST_F(Tetgen, AnOpenSurfaceIsNotSent) {
 #ifdef SINEW_TETGEN_WORKER
 
 TEST(TetgenWorker, FillsClosedShapesWithTetrahedraInsideThem) {
-  for (const TriMesh& mesh : {samples::sphere(1.0, 3), samples::torus(1.0, 0.3, 48, 20), samples::arm(2.0, 0.2, 1.2, 16)}) {
+  for (const TriMesh& mesh :
+       {samples::sphere(1.0, 3), samples::torus(1.0, 0.3, 48, 20), samples::arm(2.0, 0.2, 1.2, 16)}) {
     const Solid solid(mesh);
     ThreadTeam team(1);
     const VolumeGraph lattice = build_volume_graph(mesh, solid, {}, team);
@@ -292,7 +296,8 @@ TEST(TetgenWorker, AnswersTheSameEachTime) {
 }
 
 TEST(TetgenWorker, ASurfaceThatIntersectsItselfFallsBackToTheLattice) {
-  const TriMesh mesh = joined(samples::sphere(1.0, 2), moved(samples::sphere(1.0, 2), 1.0, Vector3d(0.7, 0.1, 0.2)));
+  const TriMesh mesh =
+      joined(samples::sphere(1.0, 2), moved(samples::sphere(1.0, 2), 1.0, Vector3d(0.7, 0.1, 0.2)));
   ThreadTeam team(1);
   const VolumeGraph volume = build_volume_graph(
       mesh, Solid(mesh), {.interior = Interior::tetgen, .tetgen_worker = SINEW_TETGEN_WORKER}, team);

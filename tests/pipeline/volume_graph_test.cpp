@@ -30,27 +30,28 @@ struct NamedMesh {
 };
 
 std::vector<NamedMesh> closed_shapes() {
-  return {{"box", samples::box({1.0, 2.0, 3.0}, 6)},
-          {"sphere", samples::sphere(1.0, 3)},
-          {"torus", samples::torus(1.0, 0.3, 48, 20)},
-          {"tube", samples::tube({{0, 0, 0}, {3, 0, 0}}, 0.4, 24)},
-          {"bent arm", samples::arm(2.0, 0.2, 1.3, 20)},
-          {"two legs", samples::two_legs(1.0, 0.1, 0.01, 20)}};
+  return {
+      {"box", samples::box({1.0, 2.0, 3.0}, 6)},     {"sphere", samples::sphere(1.0, 3)},
+      {"torus", samples::torus(1.0, 0.3, 48, 20)},   {"tube", samples::tube({{0, 0, 0}, {3, 0, 0}}, 0.4, 24)},
+      {"bent arm", samples::arm(2.0, 0.2, 1.3, 20)}, {"two legs", samples::two_legs(1.0, 0.1, 0.01, 20)}};
 }
 
-/// Real bodies, closed and broken. Their licences keep them out of the project; tests without them are skipped.
+/// Real bodies, closed and broken. Their licences keep them out of the project; tests without them are
+/// skipped.
 std::vector<NamedMesh> real_bodies() {
   std::vector<NamedMesh> bodies;
-  for (const char* path : {"meshes/odedstein/human_man.obj", "meshes/libigl/armadillo.obj", "meshes/odedstein/koala.obj",
-                           "meshes/sumner-popovic/camel_ref.obj", "bad/cgal/elephant-with-holes.off",
-                           "bad/cgal/blobby_3cc.off"}) {
+  for (const char* path : {"meshes/odedstein/human_man.obj", "meshes/libigl/armadillo.obj",
+                           "meshes/odedstein/koala.obj", "meshes/sumner-popovic/camel_ref.obj",
+                           "bad/cgal/elephant-with-holes.off", "bad/cgal/blobby_3cc.off"}) {
     TriMesh mesh = read_plain_mesh(std::string(SINEW_SHARED_DATA) + "/" + path);
     if (!mesh.triangles.empty()) bodies.push_back({path, std::move(mesh)});
   }
   return bodies;
 }
 
-Vector3d position(const VolumeGraph& volume, int node) { return volume.rest_positions.row(node); }
+Vector3d position(const VolumeGraph& volume, int node) {
+  return volume.rest_positions.row(node);
+}
 
 /// Calls visit(a, b) for every edge, a < b.
 template <typename Visit>
@@ -178,7 +179,8 @@ TEST(VolumeGraph, NoEdgeCrossesANarrowGapBetweenTwoLegs) {
 TEST(VolumeGraph, PutsNothingWhereABodyOverlapsItself) {
   // The last piece of the tube runs through its first.
   const double radius = 0.2;
-  const TriMesh mesh = samples::tube({{-1, 0, 0}, {1.5, 0, 0}, {1.5, 1.5, 0}, {0, 1.5, 0}, {0, -1, 0}}, radius, 16);
+  const TriMesh mesh =
+      samples::tube({{-1, 0, 0}, {1.5, 0, 0}, {1.5, 1.5, 0}, {0, 1.5, 0}, {0, -1, 0}}, radius, 16);
   ASSERT_TRUE(Solid(mesh).contains({0.01, 0.02, 0.03}));
   const VolumeGraph volume = build(mesh, {.spacing = 0.08});
   int near = 0, buried = 0;
@@ -189,11 +191,16 @@ TEST(VolumeGraph, PutsNothingWhereABodyOverlapsItself) {
     EXPECT_FALSE(from_first < 0.9 * radius && from_last < 0.9 * radius) << at.transpose();
   }
   EXPECT_GT(near, 20);
-  // What is left of each piece there has no edge to the other: the way from one to the other is the long way round.
+  // What is left of each piece there has no edge to the other: the way from one to the other is the long way
+  // round.
   for_each_edge(volume, [&](int a, int b) {
     const Vector3d from = position(volume, a), to = position(volume, b);
-    const auto in_first = [&](const Vector3d& at) { return std::abs(at.x()) > 1.05 * radius && std::abs(at.y()) < radius; };
-    const auto in_last = [&](const Vector3d& at) { return std::abs(at.y()) > 1.05 * radius && std::abs(at.x()) < radius; };
+    const auto in_first = [&](const Vector3d& at) {
+      return std::abs(at.x()) > 1.05 * radius && std::abs(at.y()) < radius;
+    };
+    const auto in_last = [&](const Vector3d& at) {
+      return std::abs(at.y()) > 1.05 * radius && std::abs(at.x()) < radius;
+    };
     EXPECT_FALSE((in_first(from) && in_last(to)) || (in_last(from) && in_first(to)));
   });
   // Vertices of the first piece that lie within the last have no business with the nodes round them.
@@ -248,7 +255,8 @@ TEST(VolumeGraph, DefaultSpacingIsWiderWhereTheSurfaceIsSoDenseThatTheInsideWoul
   const TriMesh mesh = samples::sphere(1.0, 6);
   const VolumeGraph volume = build(mesh);
   EXPECT_GT(volume.spacing * std::sqrt(0.75), 1.25 * mean_edge_length(mesh));
-  EXPECT_NEAR(static_cast<double>(volume.node_count() - volume.surface_count) / mesh.vertex_count(), 5.0, 0.5);
+  EXPECT_NEAR(static_cast<double>(volume.node_count() - volume.surface_count) / mesh.vertex_count(), 5.0,
+              0.5);
 }
 
 TEST(VolumeGraph, KeepsTheSpacingItIsGiven) {
@@ -259,7 +267,8 @@ TEST(VolumeGraph, MeetsTheDensityWithinTenPercent) {
   for (const auto& [name, mesh] : closed_shapes()) {
     for (const double density : {1.0, 4.0, 10.0}) {
       const VolumeGraph volume = build(mesh, {.density = density});
-      const double met = static_cast<double>(volume.node_count() - volume.surface_count) / mesh.vertex_count();
+      const double met =
+          static_cast<double>(volume.node_count() - volume.surface_count) / mesh.vertex_count();
       EXPECT_NEAR(met / density, 1.0, 0.1) << name << ' ' << density;
     }
   }
@@ -354,21 +363,22 @@ TEST(VolumeGraphRefuses, AMeshWithoutTriangles) {
 TEST(VolumeGraphRefuses, ACoordinateThatIsNotANumber) {
   TriMesh mesh = samples::box({2, 2, 2}, 2);
   mesh.positions(5, 1) = std::numeric_limits<double>::quiet_NaN();
-  expect_refusal<UnusableInput>(mesh, {}, "volume graph: vertex 5 has a coordinate that is not a finite number");
+  expect_refusal<UnusableInput>(mesh, {},
+                                "volume graph: vertex 5 has a coordinate that is not a finite number");
 }
 
 TEST(VolumeGraphRefuses, ATriangleThatNamesNoVertex) {
   TriMesh mesh = samples::box({2, 2, 2}, 2);
   mesh.triangles[7] = {0, 1, -1};
-  expect_refusal<std::invalid_argument>(
-      mesh, {}, "build_volume_graph: triangle 7 names vertex -1; expected 0 to 25");
+  expect_refusal<std::invalid_argument>(mesh, {},
+                                        "build_volume_graph: triangle 7 names vertex -1; expected 0 to 25");
 }
 
 TEST(VolumeGraphRefuses, ASurfaceShrunkToAPoint) {
   TriMesh mesh = samples::box({2, 2, 2}, 2);
   mesh.positions.setConstant(3.0);
-  expect_refusal<UnusableInput>(mesh, {},
-                                "volume graph: all triangles of the mesh are single points; expected a surface");
+  expect_refusal<UnusableInput>(
+      mesh, {}, "volume graph: all triangles of the mesh are single points; expected a surface");
 }
 
 TEST(VolumeGraphRefuses, ANegativeSpacingOrDensity) {
@@ -381,9 +391,10 @@ TEST(VolumeGraphRefuses, ANegativeSpacingOrDensity) {
 
 TEST(VolumeGraphRefuses, MoreNodesThanTheLimitBeforeMemoryIsTouched) {
   const TriMesh mesh = samples::box({2, 2, 2}, 2);
-  expect_refusal<UnusableInput>(mesh, {.spacing = 1e-9},
-                                "volume graph: a lattice spacing of 1e-09 would need about 1.621e+28 interior nodes, "
-                                "more than the limit of 20000000; ask for a larger spacing or a lower density");
+  expect_refusal<UnusableInput>(
+      mesh, {.spacing = 1e-9},
+      "volume graph: a lattice spacing of 1e-09 would need about 1.621e+28 interior nodes, "
+      "more than the limit of 20000000; ask for a larger spacing or a lower density");
 }
 
 TEST(VolumeGraphRefuses, NoMoreThanTheLimitAsksFor) {

@@ -16,7 +16,7 @@
 namespace sinew {
 
 struct AnimateOptions {
-  FrameOptions frame;
+  FrameOptions frame = {};
   int first_frame = 0;  ///< of the motion, 0-based
   int last_frame = -1;  ///< inclusive; -1: the last one
   /// Frames are solved in chunks whose starts are multiples of this many frames of the *motion*; a

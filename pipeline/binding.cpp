@@ -147,8 +147,8 @@ double twist_share(const BoneRegions& regions, const BoneSegment& held_by, const
     const bool along_axis = (segment.axis.to - segment.axis.from).normalized().isApprox(bone.axis);
     if (segment.bone == held_by.bone && !segment.helper && along_axis) main = &segment;
   }
-  const double along = foot_on(main->axis, foot).along;
-  return std::clamp((along - main->cylinder_begin) / (main->cylinder_end - main->cylinder_begin), 0.0, 1.0);
+  // Over the whole bone, not the trimmed cylinder: the twist then has all of the limb to spread over.
+  return std::clamp(foot_on(main->axis, foot).along, 0.0, 1.0);
 }
 
 void add_field_constraints(const BoneRegions& regions, const Holds& holds, Binding& binding) {

@@ -21,13 +21,13 @@ Eigen::Quaterniond turn_about(const Eigen::Vector3d& axis, double half_angle) {
 
 }  // namespace
 
-Eigen::Quaterniond twist_about(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& axis) {
+double half_twist_about(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& axis) {
   const double along = rotation.vec().dot(axis);
-  const double norm = std::hypot(rotation.w(), along);
-  constexpr double least = 1e-9;  // a half turn about a perpendicular axis, but for rounding
-  if (norm < least) return Eigen::Quaterniond::Identity();
-  const Eigen::Vector3d v = (along / norm) * axis;
-  return {rotation.w() / norm, v.x(), v.y(), v.z()};
+  const double share = std::hypot(rotation.w(), along);  // the cosine of half the swing
+  constexpr double faded = 0.25;
+  const double step = std::min(1.0, share / faded);
+  const double fade = step * step * (3.0 - 2.0 * step);
+  return fade * std::atan2(along, rotation.w());
 }
 
 PoseRotations::PoseRotations(const RigSkeleton& skeleton, const Binding& binding) {
@@ -48,14 +48,13 @@ PoseRotations::PoseRotations(const RigSkeleton& skeleton, const Binding& binding
 void PoseRotations::read_twist(const Pose& pose, int twist) {
   const TwistSource& source = twists_[twist];
   const Eigen::Quaterniond& own = pose.rotations[source.joint];
-  const Eigen::Quaterniond relative =
-      source.parent < 0 ? own : pose.rotations[source.parent].conjugate() * own;
-  const Eigen::Quaterniond own_twist = twist_about(relative, source.axis);
-  double half_angle = std::atan2(own_twist.vec().dot(source.axis), own_twist.w());
-  const Eigen::Quaterniond near = own * own_twist.conjugate();
+  double half_angle = 0.0;
+  if (source.parent >= 0) {  // a root turns the whole body: nothing before it could take up its twist
+    half_angle = half_twist_about(pose.rotations[source.parent].conjugate() * own, source.axis);
+  }
+  const Eigen::Quaterniond near = own * turn_about(source.axis, -half_angle);
   if (source.twisted_by >= 0) {
-    const Eigen::Quaterniond hand = twist_about(own.conjugate() * pose.rotations[source.twisted_by], source.axis);
-    half_angle += std::atan2(hand.vec().dot(source.axis), hand.w());
+    half_angle += half_twist_about(own.conjugate() * pose.rotations[source.twisted_by], source.axis);
   }
   for (int step = 0; step <= kTwistSteps; ++step) {
     const Eigen::Quaterniond turn = turn_about(source.axis, half_angle * step / kTwistSteps);

@@ -12,7 +12,7 @@ namespace sinew {
 /// What every field carries in one pose: a unit quaternion on a sign that is continuous in time, or,
 /// for the two halves of a twisting bone, all rotations between the near end's and the far end's.
 ///
-/// Near end: the bone's rotation without its own twist relative to its parent. Far end: the bone's
+/// Near end: the bone's rotation without its own twist relative to its parent (a root has none). Far end: the bone's
 /// rotation, and for a forearm the hand's twist about the forearm's axis on top. The twist angle comes
 /// from quaternions whose sign is tracked (make_continuous()), so it runs through 180 degrees
 /// without a jump. Between near and far the twist grows evenly; between bones quaternions are
@@ -69,9 +69,11 @@ struct RotationField {
 /// Blends rotations and scales at every node. `out` keeps its memory between calls.
 void blend_rotations(const HarmonicFields& fields, const PoseRotations& pose, ThreadTeam& team, RotationField& out);
 
-/// The part of the unit quaternion `rotation` that turns about the unit vector `axis`, on the side
-/// of `rotation`: rotation = swing * twist with swing's real part >= 0. Identity where the rotation
-/// is half a turn about a perpendicular axis, which has no twist of its own.
-Eigen::Quaterniond twist_about(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& axis);
+/// Half the angle, radians, by which the unit quaternion `rotation` twists about the unit vector
+/// `axis`: rotation = swing * twist with swing's real part >= 0. From -pi to pi, following the sign of
+/// `rotation`: continuous through half a turn, up to a full one. A limb that swings right over has no
+/// twist of its own and hardly any direction in which to measure one nearby, so the angle fades to zero as
+/// the swing goes from 151 to 180 degrees.
+double half_twist_about(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& axis);
 
 }  // namespace sinew

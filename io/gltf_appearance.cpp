@@ -17,7 +17,8 @@ constexpr std::uint64_t kLargestImage = std::uint64_t{256} << 20;
 
 /// By the first bytes, which do not lie as names do.
 std::string sniffed_mime_type(std::span<const std::byte> bytes) {
-  const std::string_view start(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 12));
+  const std::string_view start(reinterpret_cast<const char*>(bytes.data()),
+                               std::min<std::size_t>(bytes.size(), 12));
   if (start.starts_with("\x89PNG")) return "image/png";
   if (start.starts_with("\xFF\xD8\xFF")) return "image/jpeg";
   if (start.starts_with("RIFF") && start.size() == 12 && start.substr(8) == "WEBP") return "image/webp";
@@ -25,7 +26,9 @@ std::string sniffed_mime_type(std::span<const std::byte> bytes) {
   return "";
 }
 
-std::string file_name_of(const std::string& uri) { return uri.substr(uri.find_last_of('/') + 1); }
+std::string file_name_of(const std::string& uri) {
+  return uri.substr(uri.find_last_of('/') + 1);
+}
 
 SourceImage read_image(const JsonPlace& image, const AssetFolder& folder, const ViewBytes& view_bytes,
                        std::size_t view_count) {
@@ -67,7 +70,8 @@ class AppearanceReader {
     read_textures();
     if (count_of("samplers") > 0) kept_["samplers"] = root_.member("samplers").value();
     json materials = root_.member("materials").value();
-    for (std::size_t i = 0; i < materials.size(); ++i) renumber_textures(materials[i], root_.member("materials").element(i));
+    for (std::size_t i = 0; i < materials.size(); ++i)
+      renumber_textures(materials[i], root_.member("materials").element(i));
     kept_["materials"] = std::move(materials);
     note_extensions();
     if (lost_ > 0) {
@@ -84,8 +88,8 @@ class AppearanceReader {
   void check_size(const char* key) const {
     if (count_of(key) <= kMostElements) return;
     throw FileError(FileFault::resource, root_.member(key).where(),
-                    "has " + std::to_string(count_of(key)) + " elements; at most " + std::to_string(kMostElements) +
-                        " are read");
+                    "has " + std::to_string(count_of(key)) + " elements; at most " +
+                        std::to_string(kMostElements) + " are read");
   }
 
   void read_images() {
@@ -115,8 +119,10 @@ class AppearanceReader {
       const auto source = at.find("source");
       if (!source) return;
       const auto index = image_index_[source->index_below(image_index_.size(), "images")];
-      if (index) holder["source"] = *index;
-      else holder.erase("source");
+      if (index)
+        holder["source"] = *index;
+      else
+        holder.erase("source");
       any = any || index.has_value();
     };
     renumber(texture, place);
@@ -155,8 +161,10 @@ class AppearanceReader {
         continue;
       }
       const auto index = texture_index_[at.member("index").index_below(texture_index_.size(), "textures")];
-      if (index) value["index"] = *index;
-      else gone.push_back(key);
+      if (index)
+        value["index"] = *index;
+      else
+        gone.push_back(key);
     }
     for (const std::string& key : gone) holder.erase(key);
   }
@@ -190,7 +198,8 @@ class AppearanceReader {
 
 }  // namespace
 
-GltfAppearance read_gltf_appearance(const JsonPlace& root, const AssetFolder& folder, const ViewBytes& view_bytes) {
+GltfAppearance read_gltf_appearance(const JsonPlace& root, const AssetFolder& folder,
+                                    const ViewBytes& view_bytes) {
   return AppearanceReader(root, folder, view_bytes).read();
 }
 

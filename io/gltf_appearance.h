@@ -25,6 +25,7 @@ using ViewBytes = std::function<std::span<const std::byte>(int view)>;
 /// Copies the appearance out of a checked file. An image that cannot be had is left out together
 /// with the textures that show it and the materials' references to those, with one warning.
 /// Throws FileError for indices out of range.
-GltfAppearance read_gltf_appearance(const JsonPlace& root, const AssetFolder& folder, const ViewBytes& view_bytes);
+GltfAppearance read_gltf_appearance(const JsonPlace& root, const AssetFolder& folder,
+                                    const ViewBytes& view_bytes);
 
 }  // namespace sinew

@@ -38,7 +38,8 @@ std::vector<Eigen::Affine3d> read_inverse_bind(const GltfDocument& document, int
 
 bool agree(const Eigen::Affine3d& a, const Eigen::Affine3d& b) {
   return (a.linear() - b.linear()).norm() <= kSamePose * b.linear().norm() &&
-         (a.translation() - b.translation()).norm() <= kSamePose * (b.linear().norm() + b.translation().norm());
+         (a.translation() - b.translation()).norm() <=
+             kSamePose * (b.linear().norm() + b.translation().norm());
 }
 
 /// True when `a` and `b` differ as two poses of one thing do, rather than as two conventions do, which
@@ -58,7 +59,8 @@ class BindPose {
         rest_world_(node_worlds(document, rest_locals(document))),
         fixed_(document.nodes.size()),
         rank_(document.nodes.size()) {
-    for (std::size_t i = 0; i < document.node_order.size(); ++i) rank_[document.node_order[i]] = static_cast<int>(i);
+    for (std::size_t i = 0; i < document.node_order.size(); ++i)
+      rank_[document.node_order[i]] = static_cast<int>(i);
   }
 
   GltfBind read() {
@@ -82,7 +84,8 @@ class BindPose {
       bind_.skins.push_back(skin);
     }
     if (!bind_.skins.empty()) return;
-    for (std::size_t skin = 0; skin < document_.skins.size(); ++skin) bind_.skins.push_back(static_cast<int>(skin));
+    for (std::size_t skin = 0; skin < document_.skins.size(); ++skin)
+      bind_.skins.push_back(static_cast<int>(skin));
   }
 
   Eigen::Affine3d local(int node) const {
@@ -95,7 +98,8 @@ class BindPose {
     Eigen::Affine3d result = Eigen::Affine3d::Identity();
     for (int at = node; at >= 0; at = document_.nodes[at].parent) {
       if (++climbed_ > kMostClimbs) {
-        throw FileError(FileFault::resource, document_.file, "has too many skins in too deep a tree of nodes");
+        throw FileError(FileFault::resource, document_.file,
+                        "has too many skins in too deep a tree of nodes");
       }
       if (fixed_[at]) return *fixed_[at] * result;
       result = local(at) * result;
@@ -114,7 +118,8 @@ class BindPose {
                                     skin.joints.begin());
   }
 
-  bool is_at_rest(const GltfSkin& skin, const std::vector<Eigen::Affine3d>& inverse_bind, std::size_t leader) const {
+  bool is_at_rest(const GltfSkin& skin, const std::vector<Eigen::Affine3d>& inverse_bind,
+                  std::size_t leader) const {
     const Eigen::Matrix3d expected = (rest_world_[skin.joints[leader]] * inverse_bind[leader]).linear();
     for (std::size_t i = 0; i < skin.joints.size(); ++i) {
       const Eigen::Matrix3d difference = (rest_world_[skin.joints[i]] * inverse_bind[i]).linear() - expected;
@@ -158,20 +163,25 @@ class BindPose {
     bind_.world.resize(document_.nodes.size());
     for (const int node : document_.node_order) {
       const int parent = document_.nodes[node].parent;
-      if (fixed_[node]) bind_.world[node] = *fixed_[node];
-      else bind_.world[node] = parent < 0 ? local(node) : bind_.world[parent] * local(node);
+      if (fixed_[node])
+        bind_.world[node] = *fixed_[node];
+      else
+        bind_.world[node] = parent < 0 ? local(node) : bind_.world[parent] * local(node);
       if (!bind_.world[node].matrix().allFinite()) {
-        throw FileError(FileFault::malformed, document_.where("nodes", node), "its place in the scene is not finite");
+        throw FileError(FileFault::malformed, document_.where("nodes", node),
+                        "its place in the scene is not finite");
       }
       if (is_joint[node]) bind_.joints.push_back(node);
     }
     if (differing_ > 0) {
-      bind_.warnings.push_back("W_GLTF_BIND: skins differ in the bind pose of " + std::to_string(differing_) +
-                               " shared joint(s); the first skin's holds, and the others' meshes are posed to it");
+      bind_.warnings.push_back(
+          "W_GLTF_BIND: skins differ in the bind pose of " + std::to_string(differing_) +
+          " shared joint(s); the first skin's holds, and the others' meshes are posed to it");
     }
     if (flat_ > 0) {
-      bind_.warnings.push_back("W_GLTF_BIND: " + std::to_string(flat_) +
-                               " inverse bind matrices cannot be inverted; those joints bind where their nodes are");
+      bind_.warnings.push_back(
+          "W_GLTF_BIND: " + std::to_string(flat_) +
+          " inverse bind matrices cannot be inverted; those joints bind where their nodes are");
     }
   }
 
@@ -193,6 +203,8 @@ bool is_invertible(const Eigen::Affine3d& matrix) {
   return std::isfinite(size) && std::abs(matrix.linear().determinant()) > 1e-12 * size * size * size;
 }
 
-GltfBind read_gltf_bind(const GltfDocument& document) { return BindPose(document).read(); }
+GltfBind read_gltf_bind(const GltfDocument& document) {
+  return BindPose(document).read();
+}
 
 }  // namespace sinew

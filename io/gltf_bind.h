@@ -18,9 +18,9 @@ namespace sinew {
 /// most exporters leave the node there. Skins that share joints are tied together by the first joint
 /// they share. All other nodes follow their parents.
 struct GltfBind {
-  std::vector<int> skins;                                  ///< drawn ones; all of the file's when none is drawn
-  std::vector<int> joints;                                 ///< nodes, each once, parents before children
-  std::vector<Eigen::Affine3d> world;                      ///< of every node, at bind
+  std::vector<int> skins;              ///< drawn ones; all of the file's when none is drawn
+  std::vector<int> joints;             ///< nodes, each once, parents before children
+  std::vector<Eigen::Affine3d> world;  ///< of every node, at bind
   std::vector<std::vector<Eigen::Affine3d>> inverse_bind;  ///< per skin of the file, per entry of its joints
   std::vector<std::string> warnings;
 };

@@ -67,9 +67,9 @@ class BodyReader {
     }
     if (vertices_ > kMostVertices || indices_ > kMostIndices || attribute_bytes_ > kMostAttributeBytes) {
       throw FileError(FileFault::resource, document_.where("nodes", part.node),
-                      "with its mesh the scene has more than " + std::to_string(kMostVertices) + " vertices, " +
-                          std::to_string(kMostIndices) + " indices or " + std::to_string(kMostAttributeBytes) +
-                          " bytes of attributes");
+                      "with its mesh the scene has more than " + std::to_string(kMostVertices) +
+                          " vertices, " + std::to_string(kMostIndices) + " indices or " +
+                          std::to_string(kMostAttributeBytes) + " bytes of attributes");
     }
     part.positions = read_numbers(document_, position);
     if (part.skin >= 0) read_influences(primitive, part);
@@ -96,7 +96,8 @@ class BodyReader {
 
   void read_set(const GltfPrimitive& primitive, int set, GltfPart& part) {
     const std::string number = std::to_string(set);
-    const std::vector<std::uint32_t> slots = read_whole_numbers(document_, primitive.attribute("JOINTS_" + number));
+    const std::vector<std::uint32_t> slots =
+        read_whole_numbers(document_, primitive.attribute("JOINTS_" + number));
     const std::vector<double> weights = read_numbers(document_, primitive.attribute("WEIGHTS_" + number));
     const std::size_t joints = document_.skins[part.skin].joints.size();
     for (std::size_t i = 0; i < slots.size(); ++i) {
@@ -130,12 +131,14 @@ class BodyReader {
 
   void report() {
     const auto warn = [&](int count, const std::string& text) {
-      if (count > 0) body_.warnings.push_back("W_GLTF_" + text.substr(0, text.find(':')) + ": " +
-                                              std::to_string(count) + text.substr(text.find(':') + 1));
+      if (count > 0)
+        body_.warnings.push_back("W_GLTF_" + text.substr(0, text.find(':')) + ": " + std::to_string(count) +
+                                 text.substr(text.find(':') + 1));
     };
     warn(not_drawn_, "PRIMITIVE: primitive(s) of points or lines, or without positions, are left out");
     warn(left_over_, "TRIANGLES: primitive(s) have one or two corners too many for their triangles");
-    warn(without_weights_, "SKIN: primitive(s) of skinned nodes have no joints and weights and are placed by their node");
+    warn(without_weights_,
+         "SKIN: primitive(s) of skinned nodes have no joints and weights and are placed by their node");
     warn(odd_sums_, "WEIGHTS_SUM: vertices have skin weights that do not sum to 1; they are normalized");
   }
 
@@ -190,7 +193,9 @@ std::vector<std::uint32_t> triangles_of(const GltfPrimitive& primitive, std::vec
 
 // ---- attributes
 
-bool is_skinning(const std::string& name) { return name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_"); }
+bool is_skinning(const std::string& name) {
+  return name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_");
+}
 
 VertexAttribute stored_attribute(const GltfDocument& document, const std::string& name, int accessor) {
   const GltfAccessor& from = document.accessors[accessor];
@@ -225,10 +230,13 @@ VertexAttribute turned_attribute(const GltfDocument& document, const std::string
     Eigen::Matrix3d cofactor;
     for (int i = 0; i < 3; ++i) cofactor.row(i) = matrix.row((i + 1) % 3).cross(matrix.row((i + 2) % 3));
     const double sign = determinant < 0.0 ? -1.0 : 1.0;
-    const Eigen::Vector3d moved = name == "NORMAL" ? (sign * (cofactor * direction)).eval() : (matrix * direction).eval();
+    const Eigen::Vector3d moved =
+        name == "NORMAL" ? (sign * (cofactor * direction)).eval() : (matrix * direction).eval();
     const double length = moved.norm();
-    for (int i = 0; i < 3; ++i) to[vertex * components + i] = static_cast<float>(length > 0.0 ? moved[i] / length : direction[i]);
-    if (components == 4) to[vertex * components + 3] = static_cast<float>(sign * from[vertex * components + 3]);
+    for (int i = 0; i < 3; ++i)
+      to[vertex * components + i] = static_cast<float>(length > 0.0 ? moved[i] / length : direction[i]);
+    if (components == 4)
+      to[vertex * components + 3] = static_cast<float>(sign * from[vertex * components + 3]);
   }
   VertexAttribute attribute{name, 5126, components, false, {}};
   attribute.data.resize(to.size() * sizeof(float));
@@ -236,15 +244,18 @@ VertexAttribute turned_attribute(const GltfDocument& document, const std::string
   return attribute;
 }
 
-std::vector<VertexAttribute> attributes_of(const GltfPart& part, const GltfDocument& document, const GltfBind& bind) {
+std::vector<VertexAttribute> attributes_of(const GltfPart& part, const GltfDocument& document,
+                                           const GltfBind& bind) {
   std::vector<VertexAttribute> attributes;
   std::optional<std::vector<Eigen::Matrix3d>> matrices;
   for (const auto& [name, accessor] : primitive_of(document, part).attributes) {
     if (name == "POSITION" || is_skinning(name) || document.accessors[accessor].is_matrix) continue;
     const bool direction = name == "NORMAL" || name == "TANGENT";
     if (direction && !matrices) matrices = direction_matrices(part, document, bind);
-    if (direction && !matrices->empty()) attributes.push_back(turned_attribute(document, name, accessor, *matrices));
-    else attributes.push_back(stored_attribute(document, name, accessor));
+    if (direction && !matrices->empty())
+      attributes.push_back(turned_attribute(document, name, accessor, *matrices));
+    else
+      attributes.push_back(stored_attribute(document, name, accessor));
   }
   return attributes;
 }
@@ -271,14 +282,17 @@ SourcePrimitive source_primitive(const GltfPart& part, const GltfDocument& docum
   to.material = from.material;
   to.attributes = attributes_of(part, document, bind);
   if (is_mirrored(part, document, bind)) {
-    for (std::size_t i = 0; i + 2 < to.indices.size(); i += 3) std::swap(to.indices[i + 1], to.indices[i + 2]);
+    for (std::size_t i = 0; i + 2 < to.indices.size(); i += 3)
+      std::swap(to.indices[i + 1], to.indices[i + 2]);
   }
   return to;
 }
 
 }  // namespace
 
-GltfBody read_gltf_body(const GltfDocument& document) { return BodyReader(document).read(); }
+GltfBody read_gltf_body(const GltfDocument& document) {
+  return BodyReader(document).read();
+}
 
 Field3 place_vertices(const GltfBody& body, const GltfDocument& document, const GltfBind& bind,
                       const std::vector<Eigen::Affine3d>& world) {

@@ -16,9 +16,9 @@ struct GltfPart {
   int node = 0;
   int skin = -1;  ///< -1: rigid, placed by its node
   int mesh = 0;
-  int primitive = 0;               ///< of that mesh
-  std::vector<double> positions;   ///< 3 a vertex, in the mesh's own space
-  int influences = 0;              ///< a vertex; 0 when rigid
+  int primitive = 0;                 ///< of that mesh
+  std::vector<double> positions;     ///< 3 a vertex, in the mesh's own space
+  int influences = 0;                ///< a vertex; 0 when rigid
   std::vector<std::uint32_t> slots;  ///< `influences` a vertex: entries of the skin's joints
   std::vector<double> weights;       ///< alongside; sum 1 a vertex
 

@@ -34,8 +34,9 @@ template <class Check>
 void for_each(const JsonPlace& root, const char* key, Check check) {
   const std::size_t count = count_of(root, key);
   if (count > kMostElements) {
-    throw FileError(FileFault::resource, root.member(key).where(),
-                    "has " + std::to_string(count) + " elements; at most " + std::to_string(kMostElements) + " are read");
+    throw FileError(
+        FileFault::resource, root.member(key).where(),
+        "has " + std::to_string(count) + " elements; at most " + std::to_string(kMostElements) + " are read");
   }
   for (std::size_t i = 0; i < count; ++i) {
     const JsonPlace place = root.member(key).element(i);
@@ -50,11 +51,13 @@ void for_each(const JsonPlace& root, const char* key, Check check) {
 void check_version(const JsonPlace& root) {
   const JsonPlace version = root.member("asset").member("version");
   if (version.text().rfind("2.", 0) != 0) {
-    throw FileError(FileFault::unusable, version.where(), "glTF version '" + version.text() + "'; expected 2.0");
+    throw FileError(FileFault::unusable, version.where(),
+                    "glTF version '" + version.text() + "'; expected 2.0");
   }
   const auto least = root.member("asset").find("minVersion");
   if (least && least->text() != "2.0") {
-    throw FileError(FileFault::unusable, least->where(), "needs glTF version '" + least->text() + "'; expected 2.0");
+    throw FileError(FileFault::unusable, least->where(),
+                    "needs glTF version '" + least->text() + "'; expected 2.0");
   }
 }
 
@@ -92,8 +95,9 @@ void check_buffers(const JsonPlace& root, bool has_binary, std::uint64_t binary_
     } else if (i != 0 || !has_binary) {
       buffer.fail("has no uri, and the file has no binary chunk for it");
     } else if (length > binary_size) {
-      buffer.member("byteLength").fail("found " + std::to_string(length) + "; the binary chunk has " +
-                                       std::to_string(binary_size) + " bytes");
+      buffer.member("byteLength")
+          .fail("found " + std::to_string(length) + "; the binary chunk has " + std::to_string(binary_size) +
+                " bytes");
     }
   });
 }
@@ -111,7 +115,8 @@ void check_views(const JsonPlace& root) {
     }
     const std::uint64_t stride = view.whole_number_or("byteStride", 4);
     if (stride < 4 || stride > 252 || stride % 4 != 0) {
-      view.member("byteStride").fail("found " + std::to_string(stride) + ", expected a multiple of 4 from 4 to 252");
+      view.member("byteStride")
+          .fail("found " + std::to_string(stride) + ", expected a multiple of 4 from 4 to 252");
     }
   });
 }
@@ -123,15 +128,18 @@ void check_range(const JsonPlace& place, const JsonPlace& view, std::uint64_t of
   const bool inside = fits(offset, size, length) && (count - 1) <= (length - offset - size) / stride;
   if (!inside) {
     place.fail(std::to_string(count) + " elements of " + std::to_string(size) + " bytes from byte " +
-               std::to_string(offset) + " do not fit the " + std::to_string(length) + " bytes of " + view.where());
+               std::to_string(offset) + " do not fit the " + std::to_string(length) + " bytes of " +
+               view.where());
   }
 }
 
-void check_sparse(const JsonPlace& root, const JsonPlace& sparse, std::uint64_t elements, std::uint64_t size) {
+void check_sparse(const JsonPlace& root, const JsonPlace& sparse, std::uint64_t elements,
+                  std::uint64_t size) {
   const std::size_t views = count_of(root, "bufferViews");
   const std::uint64_t count = sparse.member("count").whole_number();
   if (count == 0 || count > elements) {
-    sparse.member("count").fail("found " + std::to_string(count) + ", expected 1 to " + std::to_string(elements));
+    sparse.member("count").fail("found " + std::to_string(count) + ", expected 1 to " +
+                                std::to_string(elements));
   }
   const JsonPlace indices = sparse.member("indices");
   const JsonPlace values = sparse.member("values");
@@ -143,7 +151,8 @@ void check_sparse(const JsonPlace& root, const JsonPlace& sparse, std::uint64_t 
     return root.member("bufferViews").element(place.member("bufferView").index_below(views, "buffer views"));
   };
   const std::uint64_t index_size = component_size(type);
-  check_range(indices, view_of(indices), indices.whole_number_or("byteOffset", 0), count, index_size, index_size);
+  check_range(indices, view_of(indices), indices.whole_number_or("byteOffset", 0), count, index_size,
+              index_size);
   check_range(values, view_of(values), values.whole_number_or("byteOffset", 0), count, size, size);
 }
 
@@ -158,7 +167,8 @@ void check_accessors(const JsonPlace& root) {
   for_each(root, "accessors", [&](const JsonPlace& accessor, std::size_t) {
     const std::uint64_t type = accessor.member("componentType").whole_number();
     const std::uint64_t component = component_size(type);
-    if (component == 0) accessor.member("componentType").fail("found " + std::to_string(type) + ", not a glTF type");
+    if (component == 0)
+      accessor.member("componentType").fail("found " + std::to_string(type) + ", not a glTF type");
     const std::string& shape = accessor.member("type").text();
     if (component_count(shape) == 0) accessor.member("type").fail("found '" + shape + "', not a glTF type");
     if (const auto flag = accessor.find("normalized"); flag && !flag->value().is_boolean()) {
@@ -191,8 +201,8 @@ void check_accessors(const JsonPlace& root) {
 /// The accessor a place refers to, if its shape is the one wanted and its type one of those wanted.
 JsonPlace accessor_of(const JsonPlace& root, const JsonPlace& reference, const char* shape,
                       std::initializer_list<std::uint64_t> types, const char* what) {
-  const JsonPlace accessor = root.member("accessors").element(
-      reference.index_below(count_of(root, "accessors"), "accessors"));
+  const JsonPlace accessor =
+      root.member("accessors").element(reference.index_below(count_of(root, "accessors"), "accessors"));
   const std::uint64_t type = accessor.member("componentType").whole_number();
   const std::string& found = accessor.member("type").text();
   if (found != shape || std::find(types.begin(), types.end(), type) == types.end()) {
@@ -224,14 +234,17 @@ void check_attributes(const JsonPlace& root, const JsonPlace& primitive) {
 void check_attribute_counts(const JsonPlace& root, const JsonPlace& primitive) {
   const JsonPlace attributes = primitive.member("attributes");
   const auto elements_of = [&](const std::string& name) {
-    return root.member("accessors").element(attributes.member(name).whole_number()).member("count").whole_number();
+    return root.member("accessors")
+        .element(attributes.member(name).whole_number())
+        .member("count")
+        .whole_number();
   };
   if (!attributes.has("POSITION")) return;
   const std::uint64_t vertices = elements_of("POSITION");
   for (const auto& [name, unused] : attributes.value().items()) {
     if (elements_of(name) == vertices) continue;
-    attributes.member(name).fail("accessor has " + std::to_string(elements_of(name)) + " elements; POSITION has " +
-                                 std::to_string(vertices));
+    attributes.member(name).fail("accessor has " + std::to_string(elements_of(name)) +
+                                 " elements; POSITION has " + std::to_string(vertices));
   }
 }
 
@@ -291,7 +304,8 @@ void check_nodes(const JsonPlace& root) {
     for (const auto& [key, size] : kParts) {
       if (!node.has(key)) continue;
       node.member(key).expect_numbers(size);
-      if (node.has("matrix")) node.fail(std::string("has a matrix and a ") + key + "; expected one or the other");
+      if (node.has("matrix"))
+        node.fail(std::string("has a matrix and a ") + key + "; expected one or the other");
     }
     if (node.has("matrix")) node.member("matrix").expect_numbers(16);
   });
@@ -321,7 +335,8 @@ void check_skins(const JsonPlace& root) {
     const std::uint64_t found =
         accessor_of(root, *matrices, "MAT4", {5126}, "MAT4 of floats").member("count").whole_number();
     if (found < count) {
-      matrices->fail("accessor has " + std::to_string(found) + " matrices for " + std::to_string(count) + " joints");
+      matrices->fail("accessor has " + std::to_string(found) + " matrices for " + std::to_string(count) +
+                     " joints");
     }
   });
 }
@@ -330,8 +345,9 @@ void check_skins(const JsonPlace& root) {
 
 /// The key times must be SCALAR floats, and there must be as many values as the path wants.
 void check_sampler(const JsonPlace& root, const JsonPlace& sampler, const std::string& path) {
-  const std::uint64_t keys =
-      accessor_of(root, sampler.member("input"), "SCALAR", {5126}, "SCALAR of floats").member("count").whole_number();
+  const std::uint64_t keys = accessor_of(root, sampler.member("input"), "SCALAR", {5126}, "SCALAR of floats")
+                                 .member("count")
+                                 .whole_number();
   const std::string how = sampler.text_or("interpolation", "LINEAR");
   if (how != "LINEAR" && how != "STEP" && how != "CUBICSPLINE") {
     sampler.member("interpolation").fail("found '" + how + "', expected LINEAR, STEP or CUBICSPLINE");
@@ -341,11 +357,13 @@ void check_sampler(const JsonPlace& root, const JsonPlace& sampler, const std::s
   const std::uint64_t values =
       accessor_of(root, sampler.member("output"), turns ? "VEC4" : "VEC3", {5120, 5121, 5122, 5123, 5126},
                   turns ? "VEC4 of floats or normalized integers" : "VEC3 of floats")
-          .member("count").whole_number();
+          .member("count")
+          .whole_number();
   const std::uint64_t a_key = how == "CUBICSPLINE" ? 3 : 1;
   if (values % a_key != 0 || values / a_key != keys) {
-    sampler.member("output").fail("accessor has " + std::to_string(values) + " values for " + std::to_string(keys) +
-                                  " keys, expected " + std::to_string(a_key) + " a key");
+    sampler.member("output").fail("accessor has " + std::to_string(values) + " values for " +
+                                  std::to_string(keys) + " keys, expected " + std::to_string(a_key) +
+                                  " a key");
   }
 }
 
@@ -356,7 +374,8 @@ void check_animation(const JsonPlace& root, const JsonPlace& animation) {
   std::set<std::pair<int, std::string>> targets;
   for (std::size_t i = 0; i < channels.array_size(); ++i) {
     const JsonPlace channel = channels.element(i);
-    const JsonPlace sampler = samplers.element(channel.member("sampler").index_below(samplers.array_size(), "samplers"));
+    const JsonPlace sampler =
+        samplers.element(channel.member("sampler").index_below(samplers.array_size(), "samplers"));
     const JsonPlace target = channel.member("target");
     const std::string& path = target.member("path").text();
     const int node = target.index_or_none("node", count_of(root, "nodes"), "nodes");
@@ -369,7 +388,8 @@ void check_animation(const JsonPlace& root, const JsonPlace& animation) {
       target.fail("a second channel for the " + path + " of node " + std::to_string(node));
     }
     if (path != "weights" && root.member("nodes").element(node).has("matrix")) {
-      target.fail("moves node " + std::to_string(node) + ", which has a matrix; expected translation, rotation, scale");
+      target.fail("moves node " + std::to_string(node) +
+                  ", which has a matrix; expected translation, rotation, scale");
     }
   }
 }
@@ -378,10 +398,17 @@ void check_animation(const JsonPlace& root, const JsonPlace& animation) {
 
 int component_size(std::uint64_t component_type) {
   switch (component_type) {
-    case 5120: case 5121: return 1;
-    case 5122: case 5123: return 2;
-    case 5125: case 5126: return 4;
-    default: return 0;
+    case 5120:
+    case 5121:
+      return 1;
+    case 5122:
+    case 5123:
+      return 2;
+    case 5125:
+    case 5126:
+      return 4;
+    default:
+      return 0;
   }
 }
 
@@ -406,7 +433,8 @@ void check_gltf(const JsonPlace& root, bool has_binary, std::uint64_t binary_siz
   check_nodes(root);
   check_scenes(root, parent);
   check_skins(root);
-  for_each(root, "animations", [&](const JsonPlace& animation, std::size_t) { check_animation(root, animation); });
+  for_each(root, "animations",
+           [&](const JsonPlace& animation, std::size_t) { check_animation(root, animation); });
 }
 
 }  // namespace sinew

@@ -42,8 +42,9 @@ Chunk chunk_at(std::span<const std::byte> bytes, std::size_t offset, const std::
   const Chunk chunk{word_at(bytes, offset + 4), offset + kChunkHeaderSize, word_at(bytes, offset)};
   const std::size_t left = bytes.size() - chunk.offset;
   if (chunk.size > left) {
-    refuse(path, offset, "GLB chunk has length " + std::to_string(chunk.size) + "; " + std::to_string(left) +
-                             " bytes are left");
+    refuse(path, offset,
+           "GLB chunk has length " + std::to_string(chunk.size) + "; " + std::to_string(left) +
+               " bytes are left");
   }
   if (chunk.size % 4 != 0) {
     refuse(path, offset, "GLB chunk has length " + std::to_string(chunk.size) + "; expected a multiple of 4");
@@ -60,8 +61,9 @@ void check_header(std::span<const std::byte> bytes, const std::filesystem::path&
   }
   const std::uint32_t length = word_at(bytes, 8);
   if (length != bytes.size()) {
-    refuse(path, 8, "GLB header says " + std::to_string(length) + " bytes; the file has " +
-                        std::to_string(bytes.size()));
+    refuse(
+        path, 8,
+        "GLB header says " + std::to_string(length) + " bytes; the file has " + std::to_string(bytes.size()));
   }
 }
 

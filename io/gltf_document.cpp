@@ -142,12 +142,14 @@ Bytes read_buffer(const JsonPlace& buffer, const GltfContainer& container, const
   if (!is_data_uri(uri->text())) return as_unsigned(folder.read_exactly(uri->text(), length, uri->where()));
   const DataUri data = decode_data_uri(uri->text(), uri->where());
   if (data.bytes.size() < length) {
-    uri->fail("data uri has " + std::to_string(data.bytes.size()) + " bytes; expected " + std::to_string(length));
+    uri->fail("data uri has " + std::to_string(data.bytes.size()) + " bytes; expected " +
+              std::to_string(length));
   }
   return as_unsigned(std::span(data.bytes).first(length));
 }
 
-std::vector<Bytes> read_buffers(const JsonPlace& root, const GltfContainer& container, const AssetFolder& folder) {
+std::vector<Bytes> read_buffers(const JsonPlace& root, const GltfContainer& container,
+                                const AssetFolder& folder) {
   std::vector<Bytes> buffers;
   if (!root.has("buffers")) return buffers;
   const JsonPlace array = root.member("buffers");
@@ -184,8 +186,8 @@ tinygltf::Model load_model(const json& reduced_root, std::vector<Bytes>& buffers
   loader.SetFsCallbacks(served_from(buffers));
   tinygltf::Model model;
   std::string error, warning;
-  const bool loaded =
-      loader.LoadASCIIFromString(&model, &error, &warning, text.c_str(), static_cast<unsigned>(text.size()), "");
+  const bool loaded = loader.LoadASCIIFromString(&model, &error, &warning, text.c_str(),
+                                                 static_cast<unsigned>(text.size()), "");
   if (!loaded) {
     std::replace(error.begin(), error.end(), '\n', ' ');
     throw FileError(FileFault::malformed, file, "cannot be loaded: " + error);
@@ -202,7 +204,8 @@ GltfAccessor accessor_from(const tinygltf::Accessor& from) {
   to.count = from.count;
   to.component_type = from.componentType;
   to.components = tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(from.type));
-  to.is_matrix = from.type == TINYGLTF_TYPE_MAT2 || from.type == TINYGLTF_TYPE_MAT3 || from.type == TINYGLTF_TYPE_MAT4;
+  to.is_matrix =
+      from.type == TINYGLTF_TYPE_MAT2 || from.type == TINYGLTF_TYPE_MAT3 || from.type == TINYGLTF_TYPE_MAT4;
   to.normalized = from.normalized;
   if (from.sparse.isSparse) {
     to.sparse = GltfSparse{static_cast<std::uint64_t>(from.sparse.count),
@@ -253,11 +256,13 @@ GltfNode node_from(const tinygltf::Node& from, const std::string& where, bool& s
     sheared = decompose(*to.rest_matrix, to.rest) || sheared;
     return to;
   }
-  if (!from.translation.empty()) to.rest.translation = Eigen::Map<const Eigen::Vector3d>(from.translation.data());
+  if (!from.translation.empty())
+    to.rest.translation = Eigen::Map<const Eigen::Vector3d>(from.translation.data());
   if (!from.scale.empty()) to.rest.scale = Eigen::Map<const Eigen::Vector3d>(from.scale.data());
   if (!from.rotation.empty()) {
     const Eigen::Vector4d xyzw = Eigen::Map<const Eigen::Vector4d>(from.rotation.data());
-    if (!(xyzw.norm() > 1e-6)) throw FileError(FileFault::malformed, where + "/rotation", "quaternion has no length");
+    if (!(xyzw.norm() > 1e-6))
+      throw FileError(FileFault::malformed, where + "/rotation", "quaternion has no length");
     to.rest.rotation.coeffs() = xyzw.normalized();
   }
   return to;
@@ -322,14 +327,16 @@ void take_over(tinygltf::Model& model, GltfDocument& document) {
   for (const tinygltf::BufferView& view : model.bufferViews) {
     document.views.push_back({view.buffer, view.byteOffset, view.byteLength, view.byteStride});
   }
-  for (const tinygltf::Accessor& accessor : model.accessors) document.accessors.push_back(accessor_from(accessor));
+  for (const tinygltf::Accessor& accessor : model.accessors)
+    document.accessors.push_back(accessor_from(accessor));
   for (const tinygltf::Mesh& mesh : model.meshes) document.meshes.push_back(mesh_from(mesh));
   bool sheared = false;
   for (std::size_t i = 0; i < model.nodes.size(); ++i) {
     document.nodes.push_back(node_from(model.nodes[i], document.where("nodes", i), sheared));
   }
   if (sheared) {
-    document.warnings.push_back("W_GLTF_SHEAR: a node's matrix has shear, which a clip of this file leaves out");
+    document.warnings.push_back(
+        "W_GLTF_SHEAR: a node's matrix has shear, which a clip of this file leaves out");
   }
   for (const tinygltf::Skin& skin : model.skins) {
     document.skins.push_back({skin.name, skin.joints, skin.inverseBindMatrices});
@@ -373,22 +380,30 @@ Number read_as(const std::byte* from) {
 
 std::uint32_t whole_number_at(const std::byte* from, int component_type) {
   switch (component_type) {
-    case 5121: return read_as<std::uint8_t>(from);
-    case 5123: return read_as<std::uint16_t>(from);
-    default: return read_as<std::uint32_t>(from);
+    case 5121:
+      return read_as<std::uint8_t>(from);
+    case 5123:
+      return read_as<std::uint16_t>(from);
+    default:
+      return read_as<std::uint32_t>(from);
   }
 }
 
 /// Normalized integers after glTF 2.0, section 3.6.2.2.
 double number_at(const std::byte* from, int component_type, bool normalized) {
   switch (component_type) {
-    case 5120: return normalized ? std::max(read_as<std::int8_t>(from) / 127.0, -1.0) : read_as<std::int8_t>(from);
-    case 5121: return read_as<std::uint8_t>(from) / (normalized ? 255.0 : 1.0);
+    case 5120:
+      return normalized ? std::max(read_as<std::int8_t>(from) / 127.0, -1.0) : read_as<std::int8_t>(from);
+    case 5121:
+      return read_as<std::uint8_t>(from) / (normalized ? 255.0 : 1.0);
     case 5122:
       return normalized ? std::max(read_as<std::int16_t>(from) / 32767.0, -1.0) : read_as<std::int16_t>(from);
-    case 5123: return read_as<std::uint16_t>(from) / (normalized ? 65535.0 : 1.0);
-    case 5125: return read_as<std::uint32_t>(from);
-    default: return static_cast<double>(read_as<float>(from));
+    case 5123:
+      return read_as<std::uint16_t>(from) / (normalized ? 65535.0 : 1.0);
+    case 5125:
+      return read_as<std::uint32_t>(from);
+    default:
+      return static_cast<double>(read_as<float>(from));
   }
 }
 
@@ -397,7 +412,8 @@ const std::byte* view_data(const GltfDocument& document, int view) {
   return reinterpret_cast<const std::byte*>(document.buffers[of.buffer].data()) + of.offset;
 }
 
-void put_sparse_values(const GltfDocument& document, int index, std::size_t size, std::vector<std::byte>& packed) {
+void put_sparse_values(const GltfDocument& document, int index, std::size_t size,
+                       std::vector<std::byte>& packed) {
   const GltfAccessor& accessor = document.accessors[index];
   const GltfSparse& sparse = *accessor.sparse;
   const std::byte* indices = view_data(document, sparse.index_view) + sparse.index_offset;
@@ -451,7 +467,8 @@ std::vector<std::byte> read_packed(const GltfDocument& document, int index) {
   if (accessor.view >= 0) {
     const std::size_t stride = stride_of(document, accessor);
     const std::byte* data = view_data(document, accessor.view) + accessor.offset;
-    for (std::uint64_t i = 0; i < accessor.count; ++i) std::memcpy(packed.data() + i * size, data + i * stride, size);
+    for (std::uint64_t i = 0; i < accessor.count; ++i)
+      std::memcpy(packed.data() + i * size, data + i * stride, size);
   }
   if (accessor.sparse) put_sparse_values(document, index, size, packed);
   return packed;
@@ -477,10 +494,12 @@ double read_last_number(const GltfDocument& document, int index) {
   if (accessor.view < 0 || accessor.sparse) return read_numbers(document, index).back();
   const std::size_t stride = stride_of(document, accessor);
   const std::size_t last = element_size(accessor) - component_size(accessor.component_type);
-  const std::byte* from = view_data(document, accessor.view) + accessor.offset + (accessor.count - 1) * stride + last;
+  const std::byte* from =
+      view_data(document, accessor.view) + accessor.offset + (accessor.count - 1) * stride + last;
   const double number = number_at(from, accessor.component_type, accessor.normalized);
   if (!std::isfinite(number)) {
-    throw FileError(FileFault::malformed, document.where("accessors", index), "the last element is not finite");
+    throw FileError(FileFault::malformed, document.where("accessors", index),
+                    "the last element is not finite");
   }
   return number;
 }

@@ -43,7 +43,8 @@ int hex_value(char letter) {
 std::string percent_decoded(std::string_view uri) {
   std::string result;
   for (std::size_t i = 0; i < uri.size(); ++i) {
-    const bool escape = uri[i] == '%' && i + 2 < uri.size() && hex_value(uri[i + 1]) >= 0 && hex_value(uri[i + 2]) >= 0;
+    const bool escape =
+        uri[i] == '%' && i + 2 < uri.size() && hex_value(uri[i + 1]) >= 0 && hex_value(uri[i + 2]) >= 0;
     if (escape) {
       result += static_cast<char>(hex_value(uri[i + 1]) * 16 + hex_value(uri[i + 2]));
       i += 2;
@@ -57,7 +58,8 @@ std::string percent_decoded(std::string_view uri) {
 /// letter (letter | digit | + | - | .)* ':'; a drive letter is one too.
 bool has_scheme(std::string_view uri) {
   const std::size_t colon = uri.find(':');
-  if (colon == std::string_view::npos || colon == 0 || !std::isalpha(static_cast<unsigned char>(uri[0]))) return false;
+  if (colon == std::string_view::npos || colon == 0 || !std::isalpha(static_cast<unsigned char>(uri[0])))
+    return false;
   return std::all_of(uri.begin(), uri.begin() + static_cast<std::ptrdiff_t>(colon), [](char letter) {
     return std::isalnum(static_cast<unsigned char>(letter)) || std::strchr("+-.", letter) != nullptr;
   });
@@ -140,8 +142,9 @@ std::vector<std::byte> read_bytes(int descriptor, std::uint64_t count, const std
     const ssize_t got = ::read(descriptor, bytes.data() + done, count - done);
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) {
-      throw FileError(FileFault::input_output, where,
-                      std::string("cannot read: ") + (got < 0 ? std::strerror(errno) : "the file ends early"));
+      throw FileError(
+          FileFault::input_output, where,
+          std::string("cannot read: ") + (got < 0 ? std::strerror(errno) : "the file ends early"));
     }
     done += static_cast<std::uint64_t>(got);
   }
@@ -150,7 +153,9 @@ std::vector<std::byte> read_bytes(int descriptor, std::uint64_t count, const std
 
 }  // namespace
 
-bool is_data_uri(std::string_view uri) { return uri.starts_with("data:"); }
+bool is_data_uri(std::string_view uri) {
+  return uri.starts_with("data:");
+}
 
 DataUri decode_data_uri(std::string_view uri, const std::string& where) {
   const std::size_t comma = uri.find(',');
@@ -179,11 +184,14 @@ std::string relative_path_of_uri(std::string_view uri, const std::string& where)
 AssetFolder::AssetFolder(const std::filesystem::path& folder, OpenBeneath how) : how_(how) {
   folder_ = ::open(folder.empty() ? "." : folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
   if (folder_ < 0) {
-    throw FileError(FileFault::input_output, folder.string(), std::string("cannot open: ") + std::strerror(errno));
+    throw FileError(FileFault::input_output, folder.string(),
+                    std::string("cannot open: ") + std::strerror(errno));
   }
 }
 
-AssetFolder::~AssetFolder() { ::close(folder_); }
+AssetFolder::~AssetFolder() {
+  ::close(folder_);
+}
 
 int AssetFolder::open_file(const std::string& path, std::uint64_t& size, const std::string& where) const {
   int file = how_ == OpenBeneath::by_kernel ? open_by_kernel(folder_, path) : open_by_hand(folder_, path);
@@ -196,7 +204,8 @@ int AssetFolder::open_file(const std::string& path, std::uint64_t& size, const s
   }
   if (file < 0) {
     // The fault of the file that names it, unless the system itself is short of something.
-    const FileFault fault = errno == ENOENT || errno == ENOTDIR ? FileFault::malformed : FileFault::input_output;
+    const FileFault fault =
+        errno == ENOENT || errno == ENOTDIR ? FileFault::malformed : FileFault::input_output;
     throw FileError(fault, where, "cannot open " + shown(path) + ": " + std::strerror(errno));
   }
   struct stat status {};

@@ -38,9 +38,11 @@ class AssetFolder {
   AssetFolder& operator=(const AssetFolder&) = delete;
 
   /// The first `bytes` bytes of the file a uri names; a shorter file is malformed.
-  std::vector<std::byte> read_exactly(std::string_view uri, std::uint64_t bytes, const std::string& where) const;
+  std::vector<std::byte> read_exactly(std::string_view uri, std::uint64_t bytes,
+                                      const std::string& where) const;
   /// The whole file a uri names; one over `limit` bytes is a resource fault.
-  std::vector<std::byte> read_up_to(std::string_view uri, std::uint64_t limit, const std::string& where) const;
+  std::vector<std::byte> read_up_to(std::string_view uri, std::uint64_t limit,
+                                    const std::string& where) const;
 
  private:
   int open_file(const std::string& path, std::uint64_t& size, const std::string& where) const;

@@ -11,16 +11,21 @@ namespace {
 std::string escaped(const std::string& key) {
   std::string result;
   for (const char letter : key) {
-    if (letter == '~') result += "~0";
-    else if (letter == '/') result += "~1";
-    else result += static_cast<unsigned char>(letter) < 0x20 ? '?' : letter;
+    if (letter == '~')
+      result += "~0";
+    else if (letter == '/')
+      result += "~1";
+    else
+      result += static_cast<unsigned char>(letter) < 0x20 ? '?' : letter;
   }
   return result;
 }
 
 }  // namespace
 
-void JsonPlace::fail(const std::string& what) const { throw FileError(FileFault::malformed, where(), what); }
+void JsonPlace::fail(const std::string& what) const {
+  throw FileError(FileFault::malformed, where(), what);
+}
 
 JsonPlace JsonPlace::member(const std::string& key) const {
   expect_object();
@@ -71,7 +76,8 @@ const std::string& JsonPlace::text() const {
 int JsonPlace::index_below(std::size_t count, const char* what) const {
   const std::uint64_t index = whole_number();
   if (index >= count) {
-    fail("index " + std::to_string(index) + " is out of range; the file has " + std::to_string(count) + " " + what);
+    fail("index " + std::to_string(index) + " is out of range; the file has " + std::to_string(count) + " " +
+         what);
   }
   return static_cast<int>(index);
 }

@@ -31,17 +31,19 @@ constexpr double kFrameSlack = 1e-3;
 
 void check_rate(double frames_per_second, const char* who) {
   if (std::isfinite(frames_per_second) && frames_per_second > 0.0) return;
-  throw std::invalid_argument(std::string(who) + ": frames_per_second is " + std::to_string(frames_per_second) +
-                              "; expected a positive number");
+  throw std::invalid_argument(std::string(who) + ": frames_per_second is " +
+                              std::to_string(frames_per_second) + "; expected a positive number");
 }
 
 /// Frames from 0 to the last one not after `seconds`.
-int frame_count(double seconds, double frames_per_second, std::size_t transforms_a_frame, const std::string& where) {
+int frame_count(double seconds, double frames_per_second, std::size_t transforms_a_frame,
+                const std::string& where) {
   const double frames = std::floor(seconds * frames_per_second + kFrameSlack) + 1.0;
   if (!(frames * static_cast<double>(std::max<std::size_t>(transforms_a_frame, 1)) <= kMostTransforms)) {
     throw FileError(FileFault::resource, where,
-                    "lasts " + std::to_string(seconds) + " seconds; too long for " + std::to_string(frames_per_second) +
-                        " frames a second of " + std::to_string(transforms_a_frame) + " joints");
+                    "lasts " + std::to_string(seconds) + " seconds; too long for " +
+                        std::to_string(frames_per_second) + " frames a second of " +
+                        std::to_string(transforms_a_frame) + " joints");
   }
   return static_cast<int>(frames);
 }
@@ -53,8 +55,9 @@ class JointReader {
   JointReader(const GltfBind& bind, const std::vector<int>& joints) : joints_(joints) {
     for (const int node : joints) {
       const Eigen::Affine3d& world = bind.world[node];
-      from_bind_.push_back(is_invertible(world) ? Eigen::Matrix3d(world.linear().inverse())
-                                                : nearest_rotation(world.linear()).conjugate().toRotationMatrix());
+      from_bind_.push_back(is_invertible(world)
+                               ? Eigen::Matrix3d(world.linear().inverse())
+                               : nearest_rotation(world.linear()).conjugate().toRotationMatrix());
     }
     rotations_.assign(joints.size(), Eigen::Quaterniond::Identity());
   }
@@ -74,7 +77,7 @@ class JointReader {
   }
 
  private:
-  const std::vector<int>& joints_;  ///< nodes
+  const std::vector<int>& joints_;          ///< nodes
   std::vector<Eigen::Matrix3d> from_bind_;  ///< undoes the bind pose's linear part
   std::vector<Eigen::Quaterniond> rotations_;
 };
@@ -143,7 +146,8 @@ Eigen::Vector3d front_of(const RigSkeleton& rig, const RoleMap& roles) {
   if (left < 0 || right < 0) return Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d across = rig.joints[left].position - rig.joints[right].position;
   const Eigen::Vector3d front = across.cross(rig.up);
-  if (std::abs(front.x()) > std::abs(front.z())) return std::copysign(1.0, front.x()) * Eigen::Vector3d::UnitX();
+  if (std::abs(front.x()) > std::abs(front.z()))
+    return std::copysign(1.0, front.x()) * Eigen::Vector3d::UnitX();
   return std::copysign(1.0, front.z()) * Eigen::Vector3d::UnitZ();
 }
 
@@ -169,11 +173,13 @@ GltfFile::Members::Members(const std::filesystem::path& path)
     : document(read_gltf_document(path)), bind(read_gltf_bind(document)), body(read_gltf_body(document)) {
   joints = moving_joints(document, bind, body);
   joint_of_node.assign(document.nodes.size(), -1);
-  for (std::size_t joint = 0; joint < joints.size(); ++joint) joint_of_node[joints[joint]] = static_cast<int>(joint);
+  for (std::size_t joint = 0; joint < joints.size(); ++joint)
+    joint_of_node[joints[joint]] = static_cast<int>(joint);
   joint_above.assign(document.nodes.size(), -1);
   for (const int node : document.node_order) {
     const int parent = document.nodes[node].parent;
-    if (parent >= 0) joint_above[node] = joint_of_node[parent] >= 0 ? joint_of_node[parent] : joint_above[parent];
+    if (parent >= 0)
+      joint_above[node] = joint_of_node[parent] >= 0 ? joint_of_node[parent] : joint_above[parent];
   }
 }
 
@@ -331,7 +337,8 @@ Motion GltfFile::motion(const std::string& animation, double frames_per_second) 
   check_rate(frames_per_second, "GltfFile::motion");
   const GltfDocument& document = members_->document;
   const GltfBind& bind = members_->bind;
-  if (members_->joints.empty()) throw FileError(FileFault::unusable, document.file, "has no skin, so no joints to move");
+  if (members_->joints.empty())
+    throw FileError(FileFault::unusable, document.file, "has no skin, so no joints to move");
   const int index = members_->find_animation(animation);
   const GltfTracks tracks(document, index);
   Motion motion;
@@ -357,7 +364,8 @@ Motion GltfFile::motion(const std::string& animation, double frames_per_second) 
 }
 
 Field3 GltfFile::skinned_positions(const std::string& animation, double seconds) const {
-  if (!std::isfinite(seconds)) throw std::invalid_argument("GltfFile::skinned_positions: seconds is not finite");
+  if (!std::isfinite(seconds))
+    throw std::invalid_argument("GltfFile::skinned_positions: seconds is not finite");
   const GltfTracks tracks(members_->document, members_->find_animation(animation));
   return place_vertices(members_->body, members_->document, members_->bind, tracks.worlds(seconds));
 }

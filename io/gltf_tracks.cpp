@@ -9,8 +9,8 @@
 namespace sinew {
 namespace {
 
-/// Numbers one animation may decode to, since channels can share an accessor and so multiply it: 1 GiB, or two
-/// hours of 60 joints at 30 Hz.
+/// Numbers one animation may decode to, since channels can share an accessor and so multiply it: 1 GiB, or
+/// two hours of 60 joints at 30 Hz.
 constexpr std::uint64_t kMostNumbers = std::uint64_t{128} << 20;
 
 /// Appendix C.4: slerp over the shorter arc.
@@ -60,7 +60,8 @@ GltfTracks::GltfTracks(const GltfDocument& document, int animation) : document_(
     const GltfSampler& sampler = from.samplers[channel.sampler];
     numbers += document.accessors[sampler.input].count + document.accessors[sampler.output].count * 4;
     if (numbers > kMostNumbers) {
-      throw FileError(FileFault::resource, where, "has more than " + std::to_string(kMostNumbers) + " numbers");
+      throw FileError(FileFault::resource, where,
+                      "has more than " + std::to_string(kMostNumbers) + " numbers");
     }
     tracks_.push_back(decode(sampler, channel, where + "/samplers/" + std::to_string(channel.sampler)));
     seconds_ = std::max(seconds_, tracks_.back().times.back());
@@ -72,7 +73,8 @@ GltfTracks::Track GltfTracks::decode(const GltfSampler& sampler, const GltfChann
                                      const std::string& where) const {
   const GltfAccessor& output = document_.accessors[sampler.output];
   if (output.component_type != 5126 && !(channel.path == GltfPath::rotation && output.normalized)) {
-    throw FileError(FileFault::malformed, where + "/output", "accessor is not of floats or normalized rotations");
+    throw FileError(FileFault::malformed, where + "/output",
+                    "accessor is not of floats or normalized rotations");
   }
   Track track{channel.node, channel.path, sampler.interpolation, read_numbers(document_, sampler.input),
               read_numbers(document_, sampler.output)};
@@ -83,7 +85,8 @@ GltfTracks::Track GltfTracks::decode(const GltfSampler& sampler, const GltfChann
   for (std::size_t key = 0; key < track.times.size(); ++key) {
     Eigen::Map<Eigen::Vector4d> value(track.values.data() + 4 * (cubic ? 3 * key + 1 : key));
     if (!(value.norm() > 1e-6)) {
-      throw FileError(FileFault::malformed, where + "/output", "rotation " + std::to_string(key) + " has no length");
+      throw FileError(FileFault::malformed, where + "/output",
+                      "rotation " + std::to_string(key) + " has no length");
     }
     if (!cubic) value.normalize();
   }

@@ -28,7 +28,9 @@ class GltfTracks {
   /// Local transforms of all nodes; before a channel's first key and after its last the value there
   /// holds, and what no channel moves stays at rest. `seconds` finite.
   std::vector<Transform> locals(double seconds) const;
-  std::vector<Eigen::Affine3d> worlds(double seconds) const { return node_worlds(document_, locals(seconds)); }
+  std::vector<Eigen::Affine3d> worlds(double seconds) const {
+    return node_worlds(document_, locals(seconds));
+  }
 
  private:
   struct Track {

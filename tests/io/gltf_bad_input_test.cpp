@@ -84,8 +84,10 @@ const std::vector<Damage>& damages() {
       {"no asset", [](File& f) { f.json.erase("asset"); }, 3, "bad.glb:/: 'asset' is missing"},
       {"glTF 1", [](File& f) { f.json["asset"]["version"] = "1.0"; }, 4,
        "bad.glb:/asset/version: glTF version '1.0'; expected 2.0"},
-      {"a required extension", [](File& f) { f.json["extensionsRequired"] = {"KHR_draco_mesh_compression"}; }, 4,
-       "bad.glb:/extensionsRequired/0: needs the extension 'KHR_draco_mesh_compression', which is not supported"},
+      {"a required extension", [](File& f) { f.json["extensionsRequired"] = {"KHR_draco_mesh_compression"}; },
+       4,
+       "bad.glb:/extensionsRequired/0: needs the extension 'KHR_draco_mesh_compression', which is not "
+       "supported"},
       {"a string for a number", [](File& f) { f.json["accessors"][0]["count"] = "6"; }, 3,
        "bad.glb:/accessors/0/count: found string, expected a whole number, 0 or more"},
       {"a fraction for a count", [](File& f) { f.json["accessors"][0]["count"] = 6.5; }, 3,
@@ -98,17 +100,30 @@ const std::vector<Damage>& damages() {
        "bad.glb:/meshes/0: found number, expected an object"},
       {"a name that is no text", [](File& f) { f.json["nodes"][0]["name"] = 1; }, 3,
        "bad.glb:/nodes/0/name: found number, expected a string"},
-      {"a count that wraps around", [](File& f) { f.json["accessors"][0]["count"] = std::uint64_t{1} << 62; }, 3,
-       "bad.glb:/accessors/0: 4611686018427387904 elements of 12 bytes from byte 0 do not fit the 72 bytes of "
+      {"a count that wraps around", [](File& f) { f.json["accessors"][0]["count"] = std::uint64_t{1} << 62; },
+       3,
+       "bad.glb:/accessors/0: 4611686018427387904 elements of 12 bytes from byte 0 do not fit the 72 bytes "
+       "of "
        "bad.glb:/bufferViews/0"},
-      {"an offset that wraps around", [](File& f) { f.json["accessors"][0]["byteOffset"] = ~std::uint64_t{7}; }, 3,
-       "bad.glb:/accessors/0: 6 elements of 12 bytes from byte 18446744073709551608 do not fit the 72 bytes of "
+      {"an offset that wraps around",
+       [](File& f) { f.json["accessors"][0]["byteOffset"] = ~std::uint64_t{7}; }, 3,
+       "bad.glb:/accessors/0: 6 elements of 12 bytes from byte 18446744073709551608 do not fit the 72 bytes "
+       "of "
        "bad.glb:/bufferViews/0"},
-      {"a view that wraps around", [](File& f) { f.json["bufferViews"][0]["byteOffset"] = ~std::uint64_t{7}; }, 3, nullptr},
-      {"a view beyond its buffer", [](File& f) { f.json["bufferViews"][0]["byteLength"] = 100000; }, 3, nullptr},
-      {"a buffer beyond the chunk", [](File& f) { f.json["buffers"] = {{{"byteLength", 1 << 20}}}; }, 3, nullptr},
-      {"an empty buffer", [](File& f) { f.json["buffers"] = {{{"byteLength", 0}}}; }, 3,
-       "bad.glb:/buffers/0/byteLength: found 0, expected 1 or more"},
+      {"a view that wraps around",
+       [](File& f) { f.json["bufferViews"][0]["byteOffset"] = ~std::uint64_t{7}; }, 3, nullptr},
+      {"a view beyond its buffer", [](File& f) { f.json["bufferViews"][0]["byteLength"] = 100000; }, 3,
+       nullptr},
+      {"a buffer beyond the chunk",
+       [](File& f) {
+         f.json["buffers"] = {{{"byteLength", 1 << 20}}};
+       },
+       3, nullptr},
+      {"an empty buffer",
+       [](File& f) {
+         f.json["buffers"] = {{{"byteLength", 0}}};
+       },
+       3, "bad.glb:/buffers/0/byteLength: found 0, expected 1 or more"},
       {"a view of no buffer", [](File& f) { f.json["bufferViews"][0]["buffer"] = 9; }, 3,
        "bad.glb:/bufferViews/0/buffer: index 9 is out of range; the file has 1 buffers"},
       {"stride 0", [](File& f) { f.json["bufferViews"][0]["byteStride"] = 0; }, 3,
@@ -120,43 +135,56 @@ const std::vector<Damage>& damages() {
       {"component type 5124", [](File& f) { f.json["accessors"][0]["componentType"] = 5124; }, 3,
        "bad.glb:/accessors/0/componentType: found 5124, not a glTF type"},
       {"type VEC5", [](File& f) { f.json["accessors"][0]["type"] = "VEC5"; }, 3, nullptr},
-      {"a billion zeros", [](File& f) {
+      {"a billion zeros",
+       [](File& f) {
          f.json["accessors"][0].erase("bufferView");
          f.json["accessors"][0]["count"] = 1000000000;
-       }, 6, "bad.glb:/accessors/0: 1000000000 elements without a buffer view; at most 67108864 zero bytes are made"},
-      {"a sparse index too large", [](File& f) {
+       },
+       6,
+       "bad.glb:/accessors/0: 1000000000 elements without a buffer view; at most 67108864 zero bytes are "
+       "made"},
+      {"a sparse index too large",
+       [](File& f) {
          const int index = f.add<std::uint8_t>("SCALAR", 5121, {6});
          f.json["accessors"][0]["sparse"] = {{"count", 1},
                                              {"indices", {{"bufferView", index}, {"componentType", 5121}}},
                                              {"values", {{"bufferView", 0}}}};
-       }, 3, "bad.glb:/accessors/0/sparse/indices: index 6 is out of range; the accessor has 6 elements"},
-      {"more sparse values than elements", [](File& f) {
+       },
+       3, "bad.glb:/accessors/0/sparse/indices: index 6 is out of range; the accessor has 6 elements"},
+      {"more sparse values than elements",
+       [](File& f) {
          f.json["accessors"][0]["sparse"] = {{"count", 7},
                                              {"indices", {{"bufferView", 0}, {"componentType", 5121}}},
                                              {"values", {{"bufferView", 0}}}};
-       }, 3, "bad.glb:/accessors/0/sparse/count: found 7, expected 1 to 6"},
-      {"sparse values out of their view", [](File& f) {
+       },
+       3, "bad.glb:/accessors/0/sparse/count: found 7, expected 1 to 6"},
+      {"sparse values out of their view",
+       [](File& f) {
          f.json["accessors"][0]["sparse"] = {{"count", 6},
                                              {"indices", {{"bufferView", 0}, {"componentType", 5125}}},
                                              {"values", {{"bufferView", 0}, {"byteOffset", 4}}}};
-       }, 3, nullptr},
+       },
+       3, nullptr},
       {"an attribute of another length",
        [](File& f) { f.json["meshes"][0]["primitives"][0]["attributes"]["_X"] = 4; }, 3,
        "bad.glb:/meshes/0/primitives/0/attributes/_X: accessor has 2 elements; POSITION has 6"},
       {"positions of the wrong shape",
        [](File& f) { f.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 2; }, 3,
-       "bad.glb:/meshes/0/primitives/0/attributes/POSITION: accessor is VEC4 of type 5126; expected VEC3 of floats "
+       "bad.glb:/meshes/0/primitives/0/attributes/POSITION: accessor is VEC4 of type 5126; expected VEC3 of "
+       "floats "
        "or quantized"},
       {"a position that is not a number", [](File& f) { set_float(f, 0, 4, std::nanf("")); }, 3,
        "bad.glb:/accessors/0: element 1 is not finite"},
       {"an index too large", [](File& f) { f.binary[f.json["bufferViews"][3]["byteOffset"]] = 6; }, 3,
-       "bad.glb:/meshes/0/primitives/0/indices: index 6 at place 0 is out of range; the primitive has 6 vertices"},
+       "bad.glb:/meshes/0/primitives/0/indices: index 6 at place 0 is out of range; the primitive has 6 "
+       "vertices"},
       {"a joint too large", [](File& f) { f.binary[f.json["bufferViews"][1]["byteOffset"]] = 2; }, 3,
        "bad.glb:/meshes/0/primitives/0/attributes/JOINTS_0: vertex 0 names joint 2; the skin has 2"},
       {"a negative weight", [](File& f) { set_float(f, 2, 0, -1); }, 3,
        "bad.glb:/meshes/0/primitives/0/attributes/WEIGHTS_0: vertex 0 has a negative weight"},
       {"mode 7", [](File& f) { f.json["meshes"][0]["primitives"][0]["mode"] = 7; }, 3, nullptr},
-      {"a material that is not there", [](File& f) { f.json["meshes"][0]["primitives"][0]["material"] = 0; }, 3, nullptr},
+      {"a material that is not there", [](File& f) { f.json["meshes"][0]["primitives"][0]["material"] = 0; },
+       3, nullptr},
       {"only points", [](File& f) { f.json["meshes"][0]["primitives"][0]["mode"] = 0; }, 4,
        "bad.glb: the scene has no triangles"},
       {"a node that is its own grandparent", [](File& f) { f.json["nodes"][2]["children"] = {1}; }, 3,
@@ -168,18 +196,30 @@ const std::vector<Damage>& damages() {
        "bad.glb:/nodes/0/matrix: found 15 numbers, expected 16"},
       {"a projective matrix", [](File& f) { f.json["nodes"][0]["matrix"] = std::vector<int>(16, 1); }, 3,
        "bad.glb:/nodes/0/matrix: the last row is not 0 0 0 1"},
-      {"a rotation without length", [](File& f) { f.json["nodes"][0]["rotation"] = {0, 0, 0, 0}; }, 3,
-       "bad.glb:/nodes/0/rotation: quaternion has no length"},
-      {"a place beyond all numbers", [](File& f) {
+      {"a rotation without length",
+       [](File& f) {
+         f.json["nodes"][0]["rotation"] = {0, 0, 0, 0};
+       },
+       3, "bad.glb:/nodes/0/rotation: quaternion has no length"},
+      {"a place beyond all numbers",
+       [](File& f) {
          f.json["nodes"][1]["translation"] = f.json["nodes"][2]["translation"] = {1.7e308, 0, 0};
-       }, 3, "bad.glb:/animations/0: a joint of frame 0 is not finite"},
+       },
+       3, "bad.glb:/animations/0: a joint of frame 0 is not finite"},
       {"a scene of a child", [](File& f) { f.json["scenes"][0]["nodes"] = {2}; }, 3,
        "bad.glb:/scenes/0/nodes/0: node 2 is not a root"},
       {"a scene that is not there", [](File& f) { f.json["scene"] = 1; }, 3, nullptr},
-      {"a joint that is not there", [](File& f) { f.json["skins"][0]["joints"] = {1, 9}; }, 3, nullptr},
+      {"a joint that is not there",
+       [](File& f) {
+         f.json["skins"][0]["joints"] = {1, 9};
+       },
+       3, nullptr},
       {"a skin without joints", [](File& f) { f.json["skins"][0]["joints"] = Json::array(); }, 3, nullptr},
-      {"too few bind matrices", [](File& f) { f.json["skins"][0]["joints"] = {1, 2, 0}; }, 3,
-       "bad.glb:/skins/0/inverseBindMatrices: accessor has 2 matrices for 3 joints"},
+      {"too few bind matrices",
+       [](File& f) {
+         f.json["skins"][0]["joints"] = {1, 2, 0};
+       },
+       3, "bad.glb:/skins/0/inverseBindMatrices: accessor has 2 matrices for 3 joints"},
       {"a skin that is not there", [](File& f) { f.json["nodes"][0]["skin"] = 1; }, 3, nullptr},
       {"key times that go back", [](File& f) { set_float(f, 5, 1, 0); }, 3,
        "bad.glb:/animations/0/samplers/0/input: key time 1 is not later than the one before"},
@@ -191,24 +231,35 @@ const std::vector<Damage>& damages() {
       {"values that do not match the keys",
        [](File& f) { f.json["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; }, 3,
        "bad.glb:/animations/0/samplers/0/output: accessor has 2 values for 2 keys, expected 3 a key"},
-      {"an unknown interpolation", [](File& f) { f.json["animations"][0]["samplers"][0]["interpolation"] = "EASE"; }, 3,
+      {"an unknown interpolation",
+       [](File& f) { f.json["animations"][0]["samplers"][0]["interpolation"] = "EASE"; }, 3,
        "bad.glb:/animations/0/samplers/0/interpolation: found 'EASE', expected LINEAR, STEP or CUBICSPLINE"},
-      {"a target twice", [](File& f) {
+      {"a target twice",
+       [](File& f) {
          Json& channels = f.json["animations"][0]["channels"];
          const Json first = channels[0];
          channels.push_back(first);
-       }, 3, "bad.glb:/animations/0/channels/2/target: a second channel for the rotation of node 2"},
-      {"a moved matrix", [](File& f) { f.json["nodes"][1]["matrix"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; }, 3,
-       "bad.glb:/animations/0/channels/1/target: moves node 1, which has a matrix; expected translation, rotation, scale"},
-      {"a sampler that is not there", [](File& f) { f.json["animations"][0]["channels"][0]["sampler"] = 2; }, 3, nullptr},
-      {"a target that is not there", [](File& f) { f.json["animations"][0]["channels"][0]["target"]["node"] = 3; }, 3, nullptr},
-      {"an input that is not there", [](File& f) { f.json["animations"][0]["samplers"][0]["input"] = 99; }, 3, nullptr},
-      {"a path that is none", [](File& f) { f.json["animations"][0]["channels"][0]["target"]["path"] = "color"; }, 3, nullptr},
+       },
+       3, "bad.glb:/animations/0/channels/2/target: a second channel for the rotation of node 2"},
+      {"a moved matrix",
+       [](File& f) { f.json["nodes"][1]["matrix"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; }, 3,
+       "bad.glb:/animations/0/channels/1/target: moves node 1, which has a matrix; expected translation, "
+       "rotation, scale"},
+      {"a sampler that is not there", [](File& f) { f.json["animations"][0]["channels"][0]["sampler"] = 2; },
+       3, nullptr},
+      {"a target that is not there",
+       [](File& f) { f.json["animations"][0]["channels"][0]["target"]["node"] = 3; }, 3, nullptr},
+      {"an input that is not there", [](File& f) { f.json["animations"][0]["samplers"][0]["input"] = 99; }, 3,
+       nullptr},
+      {"a path that is none",
+       [](File& f) { f.json["animations"][0]["channels"][0]["target"]["path"] = "color"; }, 3, nullptr},
   };
   return table;
 }
 
-TEST(GltfBadInput, the_undamaged_file_is_accepted) { EXPECT_EQ(refusal_of_bytes(animated().glb()).text, ""); }
+TEST(GltfBadInput, the_undamaged_file_is_accepted) {
+  EXPECT_EQ(refusal_of_bytes(animated().glb()).text, "");
+}
 
 TEST(GltfBadInput, each_damage_is_refused_with_its_place) {
   for (const Damage& damage : damages()) {
@@ -237,7 +288,8 @@ TEST(GltfBadInput, the_glb_s_own_lengths_are_checked) {
     return refusal_of_bytes(changed.replace(offset, bytes.size(), bytes)).text;
   };
   EXPECT_EQ(with(4, File::word(1)), "bad.glb: GLB version 1; expected version 2");
-  EXPECT_EQ(with(8, File::word(16)), "bad.glb@8: GLB header says 16 bytes; the file has " + std::to_string(whole.size()));
+  EXPECT_EQ(with(8, File::word(16)),
+            "bad.glb@8: GLB header says 16 bytes; the file has " + std::to_string(whole.size()));
   EXPECT_EQ(with(12, File::word(0xFFFFFFFC)), "bad.glb@12: GLB chunk has length 4294967292; " +
                                                   std::to_string(whole.size() - 20) + " bytes are left");
   EXPECT_EQ(with(12, File::word(5)), "bad.glb@12: GLB chunk has length 5; expected a multiple of 4");
@@ -258,8 +310,10 @@ TEST(GltfBadInput, any_byte_changed_gives_a_result_or_one_line) {
 
 TEST(GltfBadInput, json_is_bounded_before_it_is_parsed) {
   const TemporaryFolder folder;
-  const std::string deep = R"({"asset":{"version":"2.0"},"extras":)" + std::string(100000, '[') + std::string(100000, ']') + "}";
-  EXPECT_EQ(refusal_of(folder.write("deep.gltf", deep)).text, "deep.gltf@99: JSON is nested deeper than 64 levels");
+  const std::string deep =
+      R"({"asset":{"version":"2.0"},"extras":)" + std::string(100000, '[') + std::string(100000, ']') + "}";
+  EXPECT_EQ(refusal_of(folder.write("deep.gltf", deep)).text,
+            "deep.gltf@99: JSON is nested deeper than 64 levels");
   std::string wide = R"({"asset":{"version":"2.0"},"extras":[0)";
   for (int i = 0; i < 4000000; ++i) wide += ",0";
   EXPECT_EQ(refusal_of(folder.write("wide.gltf", wide + "]}")).fault, 6);
@@ -274,7 +328,8 @@ TEST(GltfBadInput, what_is_not_gltf_is_named_for_what_it_is) {
             "a.glb: is a Git LFS pointer; expected glTF JSON or GLB");
   EXPECT_EQ(refusal_of(folder.write("a.glb", "<!DOCTYPE html>")).text,
             "a.glb: looks like HTML or XML; expected glTF JSON or GLB");
-  EXPECT_EQ(refusal_of(folder.write("a.gltf", "{\"asset\": nonsense}")).text, "a.gltf@12: not JSON from here on");
+  EXPECT_EQ(refusal_of(folder.write("a.gltf", "{\"asset\": nonsense}")).text,
+            "a.gltf@12: not JSON from here on");
   EXPECT_EQ(refusal_of(folder.write("a.gltf", "[]")).text, "a.gltf:/: found array, expected an object");
   EXPECT_EQ(refusal_of(folder.write("a.gltf", R"({"asset":{"version":"2.0"},"x":1e999})")).text,
             "a.gltf: JSON has a number too large to read");
@@ -287,14 +342,19 @@ TEST(GltfBadInput, what_is_not_gltf_is_named_for_what_it_is) {
 TEST(GltfBadInput, a_uri_cannot_leave_its_folder) {
   const TemporaryFolder folder;
   const File file = triangle();
-  const auto said = [&](const std::string& uri) { return refusal_of(folder.write("bad.gltf", file.gltf(uri))).text; };
+  const auto said = [&](const std::string& uri) {
+    return refusal_of(folder.write("bad.gltf", file.gltf(uri))).text;
+  };
   const std::string place = "bad.gltf:/buffers/0/uri: uri ";
   EXPECT_EQ(said("../../etc/passwd"), place + "'../../etc/passwd' leads out of the asset's folder");
   EXPECT_EQ(said("%2e%2e%2fetc%2Fpasswd"), place + "'%2e%2e%2fetc%2Fpasswd' leads out of the asset's folder");
   EXPECT_EQ(said("a/../b.bin"), place + "'a/../b.bin' leads out of the asset's folder");
-  EXPECT_EQ(said("/etc/passwd"), place + "'/etc/passwd' is absolute; expected a path below the asset's folder");
-  EXPECT_EQ(said("%2Fetc/passwd"), place + "'%2Fetc/passwd' is absolute; expected a path below the asset's folder");
-  EXPECT_EQ(said("file:///etc/passwd"), place + "'file:///etc/passwd' has a scheme; expected a relative path or data:");
+  EXPECT_EQ(said("/etc/passwd"),
+            place + "'/etc/passwd' is absolute; expected a path below the asset's folder");
+  EXPECT_EQ(said("%2Fetc/passwd"),
+            place + "'%2Fetc/passwd' is absolute; expected a path below the asset's folder");
+  EXPECT_EQ(said("file:///etc/passwd"),
+            place + "'file:///etc/passwd' has a scheme; expected a relative path or data:");
   EXPECT_EQ(said("http://a/b"), place + "'http://a/b' has a scheme; expected a relative path or data:");
   EXPECT_EQ(said("C:\\x.bin"), place + "'C:\\x.bin' has a scheme; expected a relative path or data:");
   EXPECT_EQ(said("a%00.bin"), place + "'a%00.bin' has a zero byte");
@@ -365,7 +425,8 @@ TEST(GltfBadInput, a_scene_that_repeats_its_meshes_without_end_is_stopped) {
 TEST(GltfBadInput, a_chain_of_many_thousand_nodes_is_no_trouble) {
   File file = ribbon();
   const int first = static_cast<int>(file.json["nodes"].size());
-  for (int node = first; node < first + 50000; ++node) file.json["nodes"].push_back({{"children", {node + 1}}});
+  for (int node = first; node < first + 50000; ++node)
+    file.json["nodes"].push_back({{"children", {node + 1}}});
   file.json["nodes"].back().erase("children");
   file.json["nodes"][2]["children"] = {first};
   EXPECT_EQ(refusal_of_bytes(file.glb()).text, "");

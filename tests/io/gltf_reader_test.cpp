@@ -32,7 +32,8 @@ std::vector<std::filesystem::path> shared_files() {
   std::vector<std::filesystem::path> files;
   if (!std::filesystem::is_directory(kData)) return files;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(kData)) {
-    if (entry.path().extension() == ".glb" || entry.path().extension() == ".gltf") files.push_back(entry.path());
+    if (entry.path().extension() == ".glb" || entry.path().extension() == ".gltf")
+      files.push_back(entry.path());
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -43,7 +44,8 @@ double diagonal(const Field3& positions) {
 }
 
 bool mentions(const std::vector<std::string>& warnings, const std::string& code) {
-  return std::any_of(warnings.begin(), warnings.end(), [&](const std::string& line) { return line.starts_with(code); });
+  return std::any_of(warnings.begin(), warnings.end(),
+                     [&](const std::string& line) { return line.starts_with(code); });
 }
 
 int joint_named(const Clip& clip, const std::string& name) {
@@ -87,19 +89,24 @@ TEST(GltfReader, a_turned_topmost_joint_is_told_from_a_turned_mesh_by_the_mesh_s
   File leaning = ribbon();
   leaning.json["nodes"][1]["rotation"] = {0, 0, std::sin(0.1), std::cos(0.1)};
   leaning.json["nodes"][2]["rotation"] = {0, 0, std::sin(0.2), std::cos(0.2)};
-  EXPECT_NEAR((read(leaning).mesh().source_positions - read(ribbon()).mesh().source_positions).norm(), 0.0, 1e-7);
+  EXPECT_NEAR((read(leaning).mesh().source_positions - read(ribbon()).mesh().source_positions).norm(), 0.0,
+              1e-7);
 }
 
 TEST(GltfReader, moving_everything_above_the_skeleton_moves_mesh_rig_and_motion_alike) {
   File file = ribbon();
   file.animate(0, 2, "rotation", {0, 1}, {0, 0, 0, 1, 0, 0, std::sqrt(0.5f), std::sqrt(0.5f)});
   File moved = file;
-  moved.json["nodes"].push_back({{"name", "Armature"}, {"scale", {0.01, 0.01, 0.01}}, {"children", {0, 1}},
-                                 {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}, {"translation", {1, 2, 3}}});
+  moved.json["nodes"].push_back({{"name", "Armature"},
+                                 {"scale", {0.01, 0.01, 0.01}},
+                                 {"children", {0, 1}},
+                                 {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}},
+                                 {"translation", {1, 2, 3}}});
   moved.json["scenes"][0]["nodes"] = {3};
   const GltfFile first = read(file), second = read(moved);
   const Eigen::Affine3d above = Eigen::Translation3d(1, 2, 3) *
-                                Eigen::AngleAxisd(-std::numbers::pi / 2, Eigen::Vector3d::UnitX()) * Eigen::Scaling(0.01);
+                                Eigen::AngleAxisd(-std::numbers::pi / 2, Eigen::Vector3d::UnitX()) *
+                                Eigen::Scaling(0.01);
   const Field3 expected = (first.mesh().source_positions * above.linear().transpose()).rowwise() +
                           above.translation().transpose();
   EXPECT_NEAR((second.mesh().source_positions - expected).norm(), 0.0, 1e-8);
@@ -155,7 +162,8 @@ TEST(GltfReader, skinning_agrees_with_a_second_plain_reading_of_every_shared_fil
       for (const double share : {0.0, 0.37, 0.81}) {
         const double time = share * animations[animation].seconds;
         const Field3 found = gltf.skinned_positions(std::to_string(animation), time);
-        const std::vector<Eigen::Vector3d> expected = plain_gltf::vertices(plain, static_cast<int>(animation), time);
+        const std::vector<Eigen::Vector3d> expected =
+            plain_gltf::vertices(plain, static_cast<int>(animation), time);
         ASSERT_EQ(found.rows(), static_cast<int>(expected.size())) << path;
         double greatest = 0;
         for (int row = 0; row < found.rows(); ++row) {
@@ -180,7 +188,8 @@ TEST(GltfReader, every_shared_file_gives_a_mesh_a_rig_and_a_motion_of_that_rig) 
     for (const GltfAnimationSummary& animation : gltf.animations()) {
       if (animation.name.empty()) continue;
       const Motion motion = gltf.motion(animation.name, 10);
-      EXPECT_EQ(motion.frame_count(), static_cast<int>(std::floor(animation.seconds * 10 + 1e-3)) + 1) << path;
+      EXPECT_EQ(motion.frame_count(), static_cast<int>(std::floor(animation.seconds * 10 + 1e-3)) + 1)
+          << path;
       EXPECT_EQ(motion.poses.front().joint_count(), rig->joint_count());
     }
     const Clip clip = gltf.clip("0", 30);
@@ -249,7 +258,8 @@ TEST(GltfReader, step_holds_until_the_next_key) {
 
 TEST(GltfReader, a_cubic_spline_is_the_bezier_curve_of_its_tangents) {
   File file = ribbon();  // keys at 1 and 3 seconds: in-tangent, value, out-tangent each
-  file.animate(0, 2, "translation", {1, 3}, {9, 9, 9, 1, 2, 3, 4, -2, 1, 0, 5, -3, 6, 1, 2, 9, 9, 9}, "CUBICSPLINE");
+  file.animate(0, 2, "translation", {1, 3}, {9, 9, 9, 1, 2, 3, 4, -2, 1, 0, 5, -3, 6, 1, 2, 9, 9, 9},
+               "CUBICSPLINE");
   const Eigen::Vector3d a(1, 2, 3), b(6, 1, 2), out(4, -2, 1), in(0, 5, -3);
   const double span = 2;
   for (int frame = 10; frame <= 30; ++frame) {
@@ -265,11 +275,12 @@ TEST(GltfReader, a_cubic_spline_is_the_bezier_curve_of_its_tangents) {
 TEST(GltfReader, a_cubic_rotation_is_normalized) {
   File file = ribbon();
   const float half = std::sqrt(0.5f);
-  file.animate(0, 2, "rotation", {0, 1}, {0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, half, half, 0, 0, 0, 0},
-               "CUBICSPLINE");
+  file.animate(0, 2, "rotation", {0, 1},
+               {0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, half, half, 0, 0, 0, 0}, "CUBICSPLINE");
   const Eigen::Quaterniond middle = sampled(file, "Tip", 2, 1).rotation;
   EXPECT_NEAR(middle.norm(), 1.0, 1e-12);
-  EXPECT_NEAR(middle.angularDistance(Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 4, Eigen::Vector3d::UnitZ()))),
+  EXPECT_NEAR(middle.angularDistance(
+                  Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 4, Eigen::Vector3d::UnitZ()))),
               0.0, 1e-7);
 }
 
@@ -293,13 +304,15 @@ TEST(GltfReader, one_key_and_no_length_is_one_frame) {
 
 TEST(GltfReader, nodes_that_no_channel_moves_stay_where_the_file_puts_them) {
   File file = ribbon();
-  file.json["nodes"][1]["matrix"] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 5, 6, 7, 1};  // a quarter turn about z, doubled
+  file.json["nodes"][1]["matrix"] = {0, 2, 0, 0, -2, 0, 0, 0,
+                                     0, 0, 2, 0, 5,  6, 7, 1};  // a quarter turn about z, doubled
   file.animate(0, 2, "translation", {0, 1}, {0, 1, 0, 0, 2, 0});
   const Clip clip = read(file).clip("", 1);
   const Transform root = clip.frame(1)[joint_named(clip, "Root")];
   EXPECT_EQ(root.translation, Eigen::Vector3d(5, 6, 7));
   EXPECT_NEAR((root.scale - Eigen::Vector3d::Constant(2)).norm(), 0.0, 1e-12);
-  EXPECT_NEAR(root.rotation.angularDistance(Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 2, Eigen::Vector3d::UnitZ()))),
+  EXPECT_NEAR(root.rotation.angularDistance(
+                  Eigen::Quaterniond(Eigen::AngleAxisd(std::numbers::pi / 2, Eigen::Vector3d::UnitZ()))),
               0.0, 1e-12);
 }
 
@@ -331,7 +344,8 @@ TEST(GltfReader, animations_go_by_name_or_number) {
     FAIL();
   } catch (const FileError& error) {
     EXPECT_EQ(error.fault(), FileFault::unusable);
-    EXPECT_TRUE(std::string(error.what()).ends_with("has no animation 'fly'; expected one of 'walk', 'run' or 0 to 1"));
+    EXPECT_TRUE(std::string(error.what())
+                    .ends_with("has no animation 'fly'; expected one of 'walk', 'run' or 0 to 1"));
   }
 }
 
@@ -340,14 +354,15 @@ TEST(GltfReader, animations_go_by_name_or_number) {
 TEST(GltfReader, strips_and_fans_become_triangles_of_the_same_side) {
   for (const int mode : {5, 6}) {
     File file = triangle();
-    const int position = file.add_floats(
-        "VEC3", mode == 5 ? std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 2, 0}
-                          : std::vector<float>{0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, -1, 1, 0});
+    const int position =
+        file.add_floats("VEC3", mode == 5 ? std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 2, 0}
+                                          : std::vector<float>{0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, -1, 1, 0});
     file.json["meshes"][0]["primitives"][0] = {{"attributes", {{"POSITION", position}}}, {"mode", mode}};
     const MeshAsset asset = read(file).mesh();
     ASSERT_EQ(asset.mesh.triangles.size(), 3u);
     for (const auto& corners : asset.mesh.triangles) {
-      const Eigen::Vector3d a = asset.mesh.positions.row(corners[0]), b = asset.mesh.positions.row(corners[1]),
+      const Eigen::Vector3d a = asset.mesh.positions.row(corners[0]),
+                            b = asset.mesh.positions.row(corners[1]),
                             c = asset.mesh.positions.row(corners[2]);
       EXPECT_GT((b - a).cross(c - a).z(), 0.0);
     }
@@ -433,12 +448,14 @@ TEST(GltfReader, quantized_positions_are_read_through_the_bind_matrices) {
   const int position = file.add<std::int16_t>(
       "VEC3", 5122, {0, 0, 0, 16384, 0, 0, 0, 16384, 0, 16384, 16384, 0, 0, 32767, 0, 16384, 32767, 0}, true);
   const std::vector<float> doubled = {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0};
-  const int bind = file.add_floats("MAT4", joined(joined(doubled, {0, 0, 0, 1}), joined(doubled, {0, -1, 0, 1})));
+  const int bind =
+      file.add_floats("MAT4", joined(joined(doubled, {0, 0, 0, 1}), joined(doubled, {0, -1, 0, 1})));
   file.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = position;
   file.json["skins"][0]["inverseBindMatrices"] = bind;
   file.json["extensionsRequired"] = {"KHR_mesh_quantization"};
   const GltfFile gltf = read(file);
-  EXPECT_NEAR((gltf.mesh().source_positions - read(ribbon()).mesh().source_positions).cwiseAbs().maxCoeff(), 0.0, 1e-4);
+  EXPECT_NEAR((gltf.mesh().source_positions - read(ribbon()).mesh().source_positions).cwiseAbs().maxCoeff(),
+              0.0, 1e-4);
   EXPECT_NEAR(gltf.rig()->joints[1].position.y(), 1.0, 1e-6);
 }
 
@@ -489,8 +506,9 @@ TEST(GltfReader, joints_that_move_nothing_are_left_out) {
   file.json["nodes"][1]["children"] = {2, 3};
   file.json["nodes"].push_back({{"name", "PoleTarget"}, {"translation", {0, 0, 9}}});
   file.json["skins"][0]["joints"] = {1, 2, 3};
-  file.json["skins"][0]["inverseBindMatrices"] = file.add_floats(
-      "MAT4", joined(joined(translation_matrix(0, 0, 0), translation_matrix(0, -1, 0)), translation_matrix(0, 0, -9)));
+  file.json["skins"][0]["inverseBindMatrices"] =
+      file.add_floats("MAT4", joined(joined(translation_matrix(0, 0, 0), translation_matrix(0, -1, 0)),
+                                     translation_matrix(0, 0, -9)));
   EXPECT_EQ(read(file).rig()->joint_count(), 2);
   EXPECT_EQ(read(file).skins()[0].joints, 3);
 }
@@ -514,14 +532,16 @@ TEST(GltfReader, equal_and_missing_names_become_unique) {
 
 TEST(GltfReader, skins_that_share_joints_make_one_rig) {
   File file = ribbon();
-  file.json["skins"].push_back({{"joints", {2}}, {"inverseBindMatrices", file.add_floats("MAT4", translation_matrix(0, -1, 0))}});
+  file.json["skins"].push_back(
+      {{"joints", {2}}, {"inverseBindMatrices", file.add_floats("MAT4", translation_matrix(0, -1, 0))}});
   file.json["nodes"].push_back({{"mesh", 1}, {"skin", 1}});
   file.json["scenes"][0]["nodes"].push_back(3);
   const int position = file.add_floats("VEC3", {0, 2, 0, 1, 2, 0, 0, 3, 0});
   const int joints = file.add<std::uint8_t>("VEC4", 5121, std::vector<std::uint8_t>(12, 0));
   const int weights = file.add<std::uint8_t>("VEC4", 5121, {255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0}, true);
   file.json["meshes"].push_back(
-      {{"primitives", {{{"attributes", {{"POSITION", position}, {"JOINTS_0", joints}, {"WEIGHTS_0", weights}}}}}}});
+      {{"primitives",
+        {{{"attributes", {{"POSITION", position}, {"JOINTS_0", joints}, {"WEIGHTS_0", weights}}}}}}});
   file.animate(0, 2, "translation", {0, 1}, {0, 1, 0, 0, 1, 5});
   const GltfFile gltf = read(file);
   EXPECT_EQ(gltf.rig()->joint_count(), 2);
@@ -568,12 +588,14 @@ File textured(const Json& images) {
   File file = triangle();
   file.json["images"] = images;
   file.json["samplers"] = {{{"wrapS", 33071}}};
-  for (std::size_t i = 0; i < images.size(); ++i) file.json["textures"].push_back({{"source", i}, {"sampler", 0}});
+  for (std::size_t i = 0; i < images.size(); ++i)
+    file.json["textures"].push_back({{"source", i}, {"sampler", 0}});
   for (std::size_t i = 0; i < images.size(); ++i) {
     file.json["materials"].push_back(
         {{"name", "m" + std::to_string(i)},
          {"pbrMetallicRoughness", {{"baseColorTexture", {{"index", i}}}}},
-         {"extensions", {{"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", i}, {"texCoord", 1}}}}}}}});
+         {"extensions",
+          {{"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", i}, {"texCoord", 1}}}}}}}});
   }
   file.json["meshes"][0]["primitives"][0]["material"] = 0;
   return file;
@@ -603,7 +625,8 @@ TEST(GltfReader, materials_travel_with_their_images_wherever_these_lie) {
 }
 
 TEST(GltfReader, an_image_that_cannot_be_had_costs_its_textures_and_one_warning) {
-  const File file = textured({{{"uri", "gone.png"}}, {{"uri", "../up.png"}}, {{"uri", "data:image/png;base64,iVBORw=="}}});
+  const File file =
+      textured({{{"uri", "gone.png"}}, {{"uri", "../up.png"}}, {{"uri", "data:image/png;base64,iVBORw=="}}});
   const MeshAsset asset = read(file).mesh();
   ASSERT_EQ(asset.images.size(), 1u);
   const Json appearance = Json::parse(asset.appearance_json);

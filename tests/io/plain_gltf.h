@@ -36,7 +36,8 @@ inline std::string from_base64(const std::string& text) {
   for (const char letter : text.substr(0, text.find('='))) {
     for (int bit = 5; bit >= 0; --bit) bits += (letters.find(letter) >> bit & 1) ? '1' : '0';
   }
-  for (std::size_t i = 0; i + 8 <= bits.size(); i += 8) bytes += static_cast<char>(std::stoi(bits.substr(i, 8), nullptr, 2));
+  for (std::size_t i = 0; i + 8 <= bits.size(); i += 8)
+    bytes += static_cast<char>(std::stoi(bits.substr(i, 8), nullptr, 2));
   return bytes;
 }
 
@@ -51,7 +52,8 @@ inline File load(const std::filesystem::path& path) {
   for (const Json& buffer : file.json["buffers"]) {
     const std::string uri = buffer["uri"];
     const bool inside = uri.substr(0, 5) == "data:";
-    file.buffers.push_back(inside ? from_base64(uri.substr(uri.find(',') + 1)) : bytes_of(path.parent_path() / uri));
+    file.buffers.push_back(inside ? from_base64(uri.substr(uri.find(',') + 1))
+                                  : bytes_of(path.parent_path() / uri));
   }
   return file;
 }
@@ -72,8 +74,8 @@ inline Row element(const File& file, int accessor, int index) {
   const std::string kind = a["type"];
   const int count = kind == "SCALAR" ? 1 : kind == "MAT4" ? 16 : kind[3] - '0';
   const int stride = view.value("byteStride", size * count);
-  const char* from = file.buffers[int(view["buffer"])].data() + view.value("byteOffset", 0) + a.value("byteOffset", 0) +
-                     std::ptrdiff_t(index) * stride;
+  const char* from = file.buffers[int(view["buffer"])].data() + view.value("byteOffset", 0) +
+                     a.value("byteOffset", 0) + std::ptrdiff_t(index) * stride;
   const bool share = a.value("normalized", false);
   Row row;
   for (int i = 0; i < count; ++i, from += size) {
@@ -86,7 +88,8 @@ inline Row element(const File& file, int accessor, int index) {
 }
 
 /// A channel's value at time t, or `otherwise` where there is no such channel.
-inline Row sample(const File& file, int animation, int node, const std::string& path, double t, const Row& otherwise) {
+inline Row sample(const File& file, int animation, int node, const std::string& path, double t,
+                  const Row& otherwise) {
   const Json& a = file.json["animations"][animation];
   for (const Json& channel : a["channels"]) {
     if (channel["target"].value("node", -1) != node || channel["target"]["path"] != path) continue;
@@ -96,14 +99,16 @@ inline Row sample(const File& file, int animation, int node, const std::string& 
     int k = 0;
     while (k < keys && element(file, input, k)[0] <= t) ++k;
     if (k == 0 || k == keys) return element(file, output, k == 0 ? 0 : keys - 1);
-    const double t0 = element(file, input, k - 1)[0], t1 = element(file, input, k)[0], s = (t - t0) / (t1 - t0);
+    const double t0 = element(file, input, k - 1)[0], t1 = element(file, input, k)[0],
+                 s = (t - t0) / (t1 - t0);
     Row p = element(file, output, k - 1), q = element(file, output, k);
     double u = 1 - s, v = s;
     if (path == "rotation") {
       double dot = 0;
       for (int i = 0; i < 4; ++i) dot += p[i] * q[i];
       const double angle = std::acos(std::min(1.0, std::abs(dot)));
-      if (angle > 1e-6) u = std::sin((1 - s) * angle) / std::sin(angle), v = std::sin(s * angle) / std::sin(angle);
+      if (angle > 1e-6)
+        u = std::sin((1 - s) * angle) / std::sin(angle), v = std::sin(s * angle) / std::sin(angle);
       if (dot < 0) v = -v;
     }
     for (std::size_t i = 0; i < p.size(); ++i) p[i] = u * p[i] + v * q[i];
@@ -132,8 +137,8 @@ inline Eigen::Matrix4d local(const File& file, int animation, int node, double t
 }
 
 /// Appends all vertices below a node, depth first, as a viewer places them.
-inline void draw(const File& file, int animation, int node, double t, const std::vector<Eigen::Matrix4d>& world,
-                 std::vector<Eigen::Vector3d>& out) {
+inline void draw(const File& file, int animation, int node, double t,
+                 const std::vector<Eigen::Matrix4d>& world, std::vector<Eigen::Vector3d>& out) {
   const Json& n = file.json["nodes"][node];
   const Json mesh = n.contains("mesh") ? file.json["meshes"][int(n["mesh"])]["primitives"] : Json::array();
   for (const Json& primitive : mesh) {
@@ -144,12 +149,14 @@ inline void draw(const File& file, int animation, int node, double t, const std:
       Eigen::Matrix4d m = world[node];
       if (n.contains("skin")) {
         const Json& skin = file.json["skins"][int(n["skin"])];
-        const Row joints = element(file, attributes["JOINTS_0"], v), weights = element(file, attributes["WEIGHTS_0"], v);
+        const Row joints = element(file, attributes["JOINTS_0"], v),
+                  weights = element(file, attributes["WEIGHTS_0"], v);
         const double sum = weights[0] + weights[1] + weights[2] + weights[3];
         m.setZero();
         for (int i = 0; i < 4; ++i) {
           const Row bind = element(file, skin["inverseBindMatrices"], int(joints[i]));
-          m += weights[i] / sum * world[int(skin["joints"][int(joints[i])])] * Eigen::Map<const Eigen::Matrix4d>(bind.data());
+          m += weights[i] / sum * world[int(skin["joints"][int(joints[i])])] *
+               Eigen::Map<const Eigen::Matrix4d>(bind.data());
         }
       }
       out.push_back((m * Eigen::Vector4d(p[0], p[1], p[2], 1)).head<3>());

@@ -27,6 +27,7 @@ class TemporaryFolder {
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path write(const std::string& name, const std::string& bytes) const {
+    std::filesystem::remove(path_ / name);  // some file systems sync a file that is truncated and rewritten
     std::ofstream(path_ / name, std::ios::binary) << bytes;
     return path_ / name;
   }
@@ -41,12 +42,15 @@ struct File {
 
   /// Appends numbers as an accessor with a view of its own; returns the accessor's index.
   template <class Number>
-  int add(const std::string& type, int component_type, const std::vector<Number>& numbers, bool normalized = false) {
+  int add(const std::string& type, int component_type, const std::vector<Number>& numbers,
+          bool normalized = false) {
     binary.resize((binary.size() + 3) / 4 * 4);
     const std::size_t bytes = numbers.size() * sizeof(Number);
     json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", binary.size()}, {"byteLength", bytes}});
     binary.append(reinterpret_cast<const char*>(numbers.data()), bytes);
-    const std::size_t width = type == "SCALAR" ? 1 : type == "MAT4" ? 16 : static_cast<std::size_t>(type[3] - '0');
+    const std::size_t width = type == "SCALAR" ? 1
+                              : type == "MAT4" ? 16
+                                               : static_cast<std::size_t>(type[3] - '0');
     json["accessors"].push_back({{"bufferView", json["bufferViews"].size() - 1},
                                  {"componentType", component_type},
                                  {"count", numbers.size() / width},
@@ -54,7 +58,9 @@ struct File {
     if (normalized) json["accessors"].back()["normalized"] = true;
     return static_cast<int>(json["accessors"].size()) - 1;
   }
-  int add_floats(const std::string& type, const std::vector<float>& numbers) { return add(type, 5126, numbers); }
+  int add_floats(const std::string& type, const std::vector<float>& numbers) {
+    return add(type, 5126, numbers);
+  }
 
   /// Adds a sampler and its channel to an animation.
   void animate(int animation, int node, const std::string& path, const std::vector<float>& times,
@@ -103,7 +109,8 @@ struct File {
 inline File triangle() {
   File file;
   const int position = file.add_floats("VEC3", {0, 0, 0, 1, 0, 0, 0, 1, 0});
-  file.json["meshes"] = {{{"name", "Triangle"}, {"primitives", {{{"attributes", {{"POSITION", position}}}}}}}};
+  file.json["meshes"] = {
+      {{"name", "Triangle"}, {"primitives", {{{"attributes", {{"POSITION", position}}}}}}}};
   file.json["nodes"] = {{{"name", "Node"}, {"mesh", 0}}};
   file.json["scenes"] = {{{"nodes", {0}}}};
   file.json["scene"] = 0;
@@ -125,10 +132,10 @@ inline std::vector<float> joined(std::vector<float> first, const std::vector<flo
 inline File ribbon() {
   File file;
   const int position = file.add_floats("VEC3", {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 2, 0, 1, 2, 0});
-  const int joints = file.add<std::uint8_t>("VEC4", 5121, {0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0,
-                                                           0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
-  const int weights = file.add_floats("VEC4", {1, 0, 0, 0, 1, 0, 0, 0, .5f, .5f, 0, 0,
-                                               .5f, .5f, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
+  const int joints = file.add<std::uint8_t>(
+      "VEC4", 5121, {0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
+  const int weights = file.add_floats(
+      "VEC4", {1, 0, 0, 0, 1, 0, 0, 0, .5f, .5f, 0, 0, .5f, .5f, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
   const int indices = file.add<std::uint16_t>("SCALAR", 5123, {0, 1, 2, 2, 1, 3, 2, 3, 4, 4, 3, 5});
   const int bind = file.add_floats("MAT4", joined(translation_matrix(0, 0, 0), translation_matrix(0, -1, 0)));
   file.json["meshes"] = {

@@ -85,8 +85,8 @@ struct CholeskySolver::Members {
   // Only the first `columns` columns of the workspace's arrays take part.
   void substitute(CholeskyWorkspace& workspace, int columns) const {
     workspace.b->ncol = static_cast<std::size_t>(columns);
-    cholmod_l_solve2(CHOLMOD_A, factor, workspace.b, nullptr, &workspace.x, nullptr, &workspace.y, &workspace.e,
-                     &workspace.session.common);
+    cholmod_l_solve2(CHOLMOD_A, factor, workspace.b, nullptr, &workspace.x, nullptr, &workspace.y,
+                     &workspace.e, &workspace.session.common);
     check_memory(workspace.session.common);
   }
 };
@@ -142,13 +142,18 @@ SolveReport CholeskySolver::solve(const Eigen::Ref<const Columns>& b, Eigen::Ref
   return report;
 }
 
-std::string CholeskySolver::name() const { return "cholesky"; }
+std::string CholeskySolver::name() const {
+  return "cholesky";
+}
 
-int CholeskySolver::size() const { return members_->system.graph.node_count(); }
+int CholeskySolver::size() const {
+  return members_->system.graph.node_count();
+}
 
 std::size_t CholeskySolver::bytes() const {
   const Graph& graph = members_->system.graph;
-  std::size_t total = graph.offsets.size() * sizeof(int) + graph.neighbors.size() * (sizeof(int) + sizeof(double)) +
+  std::size_t total = graph.offsets.size() * sizeof(int) +
+                      graph.neighbors.size() * (sizeof(int) + sizeof(double)) +
                       static_cast<std::size_t>(size()) * sizeof(double);
   if (const cholmod_factor* factor = members_->factor)
     total += factor->xsize * sizeof(double) +

@@ -21,8 +21,8 @@ class CholeskySolver : public LinearSolver {
   ~CholeskySolver() override;
 
   std::unique_ptr<SolverWorkspace> make_workspace(int columns) const override;
-  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
-                    const SolveOptions& options, SolverWorkspace& workspace) const override;
+  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x, const SolveOptions& options,
+                    SolverWorkspace& workspace) const override;
   std::string name() const override;
   int size() const override;
   std::size_t bytes() const override;

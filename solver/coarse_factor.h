@@ -3,8 +3,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "solver/laplacian.h"
 #include "solver/lanes.h"
+#include "solver/laplacian.h"
 
 /// Internal to solver/.
 namespace sinew {
@@ -26,7 +26,7 @@ class CoarseFactor {
              typename Lanes<kWidth>::Float* scratch) const;
 
  private:
-  std::vector<int> order_;  // row k of the factor is row order_[k] of A
+  std::vector<int> order_;   // row k of the factor is row order_[k] of A
   std::vector<int> starts_;  // strictly lower triangle of L, column after column
   std::vector<int> rows_;
   std::vector<float> values_;

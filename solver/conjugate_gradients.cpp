@@ -69,7 +69,8 @@ std::unique_ptr<SolverWorkspace> ConjugateGradientSolver::make_workspace(int col
   auto workspace = std::make_unique<ConjugateGradientWorkspace>();
   workspace->columns = columns;
   workspace->residual.resize(size(), columns);
-  for (Field* field : {&workspace->b, &workspace->x, &workspace->r, &workspace->z, &workspace->p, &workspace->Ap})
+  for (Field* field :
+       {&workspace->b, &workspace->x, &workspace->r, &workspace->z, &workspace->p, &workspace->Ap})
     field->resize(size());
   return workspace;
 }
@@ -93,9 +94,13 @@ SolveReport ConjugateGradientSolver::solve(const Eigen::Ref<const Columns>& b, E
   return report;
 }
 
-std::string ConjugateGradientSolver::name() const { return "pcg"; }
+std::string ConjugateGradientSolver::name() const {
+  return "pcg";
+}
 
-int ConjugateGradientSolver::size() const { return members_->system.graph.node_count(); }
+int ConjugateGradientSolver::size() const {
+  return members_->system.graph.node_count();
+}
 
 std::size_t ConjugateGradientSolver::bytes() const {
   const auto n = static_cast<std::size_t>(size());

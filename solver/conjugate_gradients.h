@@ -17,8 +17,8 @@ class ConjugateGradientSolver : public LinearSolver {
   ~ConjugateGradientSolver() override;
 
   std::unique_ptr<SolverWorkspace> make_workspace(int columns) const override;
-  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
-                    const SolveOptions& options, SolverWorkspace& workspace) const override;
+  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x, const SolveOptions& options,
+                    SolverWorkspace& workspace) const override;
   std::string name() const override;
   int size() const override;
   std::size_t bytes() const override;

@@ -18,7 +18,8 @@ constexpr int kLastLevelSweeps = 20;
 // Sum of the weighted neighbors of node i. Uniform weights are not even stored. Two running sums, so
 // that an addition need not wait for the one before it.
 template <int kWidth, bool kUniform>
-inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int i) {
+inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
+                                                  const typename Lanes<kWidth>::Float* x, int i) {
   typename Lanes<kWidth>::Float even{}, odd{};
   const int* const neighbors = A.neighbors.data();
   const float* const weights = A.weights.data();
@@ -42,14 +43,15 @@ inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A, const ty
 }
 
 template <int kWidth, bool kUniform>
-void sweep_forward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b, typename Lanes<kWidth>::Float* x,
-                   int begin, int end) {
-  for (int i = begin; i < end; ++i) x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
+void sweep_forward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
+                   typename Lanes<kWidth>::Float* x, int begin, int end) {
+  for (int i = begin; i < end; ++i)
+    x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
 }
 
 template <int kWidth, bool kUniform>
-void sweep_backward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b, typename Lanes<kWidth>::Float* x,
-                    int begin, int end) {
+void sweep_backward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
+                    typename Lanes<kWidth>::Float* x, int begin, int end) {
   for (int i = end - 1; i >= begin; --i)
     x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
 }
@@ -92,7 +94,8 @@ inline void interpolate_piece(const PieceTransfer& P, int piece, const typename 
                               const Put& put) {
   using Float = typename Lanes<kWidth>::Float;
   Float corner[kCorners];
-  for (int k = 0; k < kCorners; ++k) corner[k] = coarse[P.corners[static_cast<std::size_t>(kCorners) * piece + k]];
+  for (int k = 0; k < kCorners; ++k)
+    corner[k] = coarse[P.corners[static_cast<std::size_t>(kCorners) * piece + k]];
   const Float dx0 = corner[1] - corner[0], dx1 = corner[3] - corner[2];
   const Float dx2 = corner[5] - corner[4], dx3 = corner[7] - corner[6];
   for (int entry = P.piece_offsets[piece]; entry < P.piece_offsets[piece + 1]; ++entry) {
@@ -136,7 +139,8 @@ void gather_transposed(const RowTransfer& P, const typename Lanes<kWidth>::Float
 
 // The interpolated coarse value of fine node i; the node's own residual adds its share.
 template <int kWidth>
-inline typename Lanes<kWidth>::Float interpolated(const RowTransfer& P, const typename Lanes<kWidth>::Float* coarse,
+inline typename Lanes<kWidth>::Float interpolated(const RowTransfer& P,
+                                                  const typename Lanes<kWidth>::Float* coarse,
                                                   const typename Lanes<kWidth>::Float* residual, int i) {
   typename Lanes<kWidth>::Float sum = P.own_share[i] * residual[i];
   for (int k = P.offsets[i]; k < P.offsets[i + 1]; ++k) sum += P.values[k] * coarse[P.coarse_nodes[k]];
@@ -145,8 +149,10 @@ inline typename Lanes<kWidth>::Float interpolated(const RowTransfer& P, const ty
 
 template <int kWidth, bool kUniform>
 void residual_rows(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                   const typename Lanes<kWidth>::Float* x, typename Lanes<kWidth>::Float* r, int begin, int end) {
-  for (int i = begin; i < end; ++i) r[i] = b[i] - A.diagonal[i] * x[i] + neighbor_sum<kWidth, kUniform>(A, x, i);
+                   const typename Lanes<kWidth>::Float* x, typename Lanes<kWidth>::Float* r, int begin,
+                   int end) {
+  for (int i = begin; i < end; ++i)
+    r[i] = b[i] - A.diagonal[i] * x[i] + neighbor_sum<kWidth, kUniform>(A, x, i);
 }
 
 }  // namespace
@@ -240,8 +246,8 @@ void Cycle<kWidth>::smooth_forward(int level) {
 
 template <int kWidth>
 void Cycle<kWidth>::smooth_backward(int level) {
-  const auto sweep =
-      hierarchy_.matrices[level].weights.empty() ? sweep_backward<kWidth, true> : sweep_backward<kWidth, false>;
+  const auto sweep = hierarchy_.matrices[level].weights.empty() ? sweep_backward<kWidth, true>
+                                                                : sweep_backward<kWidth, false>;
   for (int k = 0; k < sweeps_; ++k) {
     sweep_parity(level, 1, sweep);
     sweep_parity(level, 0, sweep);

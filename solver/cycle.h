@@ -14,9 +14,9 @@ struct CycleMemory {
   CycleMemory(const Hierarchy::Members& hierarchy, int width);
 
   struct Level {
-    AlignedMemory x;            ///< size + 1 rows; the spare last row stays zero and is what unused corners read
-    AlignedMemory b;            ///< size rows
-    AlignedMemory scratch;      ///< size rows: the residual; for the last level the factor's
+    AlignedMemory x;        ///< size + 1 rows; the spare last row stays zero and is what unused corners read
+    AlignedMemory b;        ///< size rows
+    AlignedMemory scratch;  ///< size rows: the residual; for the last level the factor's
     AlignedMemory corner_sums;  ///< eight rows per piece of the transfer to the next level
   };
   std::vector<Level> levels;
@@ -58,9 +58,9 @@ class Cycle {
   void sweep_parity(int level, int parity, const Sweep& sweep);
 
   void restrict_from(int level, const Float* fine);  // b(level + 1) = P^T fine
-  void restrict_residual(int level);                 // b(level + 1) = P^T (b - A x)(level), and x(level + 1) = 0
-  void interpolate(int level);                       // x(level) = P x(level + 1)
-  void correct(int level);                           // x(level) += P x(level + 1)
+  void restrict_residual(int level);  // b(level + 1) = P^T (b - A x)(level), and x(level + 1) = 0
+  void interpolate(int level);        // x(level) = P x(level + 1)
+  void correct(int level);            // x(level) += P x(level + 1)
 
   const Hierarchy::Members& hierarchy_;
   int sweeps_;

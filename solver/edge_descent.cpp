@@ -42,8 +42,8 @@ void descend_targets(const EdgeDescent& descent, int coarse_entries, const Wante
 
 // (22)
 template <typename Wanted>
-void descend_beta(const EdgeDescent& descent, const LevelMatrix& fine, const Wanted& wanted, const Float* beta,
-                  ThreadTeam& team, Float* coarse_beta) {
+void descend_beta(const EdgeDescent& descent, const LevelMatrix& fine, const Wanted& wanted,
+                  const Float* beta, ThreadTeam& team, Float* coarse_beta) {
   for_rows(team, static_cast<int>(descent.fine_of_coarse.size()), [&](int coarse_node) {
     const int node = descent.fine_of_coarse[coarse_node];
     Float sum = beta[node];
@@ -57,8 +57,8 @@ void descend_beta(const EdgeDescent& descent, const LevelMatrix& fine, const Wan
 }
 
 template <typename Wanted>
-void gather_right_hand_side(const LevelMatrix& matrix, const Wanted& wanted, const Float* beta, ThreadTeam& team,
-                            Float* b) {
+void gather_right_hand_side(const LevelMatrix& matrix, const Wanted& wanted, const Float* beta,
+                            ThreadTeam& team, Float* b) {
   for_rows(team, matrix.size(), [&](int i) {
     Float sum = beta[i];
     for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k) sum += matrix.weight(k) * wanted(k);
@@ -110,12 +110,14 @@ void full_cycle_along_edges(const Hierarchy::Members& hierarchy, const EdgeTarge
   for_rows(team, hierarchy.matrices[0].size(), [&](int i) { beta(0)[i] = single(targets.beta, i); });
   for (int level = 0; level <= last; ++level)
     with_wanted(targets, memory, level, [&](const auto& wanted) {
-      gather_right_hand_side(hierarchy.matrices[level], wanted, beta(level), team, cycle.right_hand_side(level));
+      gather_right_hand_side(hierarchy.matrices[level], wanted, beta(level), team,
+                             cycle.right_hand_side(level));
       if (level == last) return;
       const LevelMatrix& coarse = hierarchy.matrices[level + 1];
       descend_targets(hierarchy.descents[level], static_cast<int>(coarse.neighbors.size()), wanted, team,
                       memory.wanted[level + 1].as<Float>());
-      descend_beta(hierarchy.descents[level], hierarchy.matrices[level], wanted, beta(level), team, beta(level + 1));
+      descend_beta(hierarchy.descents[level], hierarchy.matrices[level], wanted, beta(level), team,
+                   beta(level + 1));
     });
   cycle.solve_last_level();
   for (int level = last - 1; level >= 0; --level) {

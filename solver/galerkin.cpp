@@ -14,20 +14,27 @@ constexpr int kCorners = 8;
 /// it should be long against a breadth-first front of coarse nodes.
 constexpr int kSlabRows = 4096;
 
+using Eight = Lanes<kCorners>;
+
+struct EightSums {
+  Eight::Double value{};
+};
+
 struct FineNodes {
-  std::vector<int> piece;      // by fine node
-  std::vector<float> weights;  // eight per fine node
+  std::vector<int> piece;  // by fine node
+  AlignedMemory weights;   // an Eight::Float per fine node
 };
 
 FineNodes by_fine_node(const PieceTransfer& transfer) {
   FineNodes fine;
   fine.piece.resize(transfer.nodes.size());
-  fine.weights.resize(transfer.nodes.size() * kCorners);
+  fine.weights = AlignedMemory(transfer.nodes.size() * sizeof(Eight::Float));
   for (int p = 0; p < transfer.piece_count(); ++p)
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
       fine.piece[node] = p;
-      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], &fine.weights[kCorners * node]);
+      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
+                        fine.weights.as<float>() + kCorners * node);
     }
   return fine;
 }
@@ -43,7 +50,6 @@ class LocalNumbers {
     }
     return local_[global];
   }
-  bool has(int global) const { return local_[global] >= 0; }
   const std::vector<int>& met() const { return met_; }
   void clear() {
     for (int global : met_) local_[global] = -1;
@@ -64,7 +70,12 @@ struct PieceRows {
 class Slab {
  public:
   Slab(const LevelMatrix& A, const PieceTransfer& transfer, const FineNodes& fine)
-      : A_(A), transfer_(transfer), fine_(fine), pieces_(transfer.piece_count()), columns_(transfer.coarse_count + 1) {}
+      : A_(A),
+        transfer_(transfer),
+        fine_(fine),
+        pieces_(transfer.piece_count()),
+        near_(transfer.piece_count()),
+        columns_(transfer.coarse_count + 1) {}
 
   // Rows [begin, end) of the product, with offsets counted from this slab's first entry.
   LevelMatrix rows(int begin, int end) {
@@ -78,41 +89,62 @@ class Slab {
   }
 
  private:
-  int local_column(int piece, int corner) {
-    return columns_(transfer_.corners[static_cast<std::size_t>(kCorners) * piece + corner]);
-  }
-
-  void add_corners(int node, double factor) {
-    const int piece = fine_.piece[node];
-    for (int k = 0; k < kCorners; ++k) {
-      const int column = local_column(piece, k);
-      if (column >= static_cast<int>(row_.size())) row_.resize(static_cast<std::size_t>(column) + 1, 0.0);
-      row_[column] += factor * fine_.weights[static_cast<std::size_t>(kCorners) * node + k];
-    }
-  }
-
-  // The rows P^T (A P) restricted to the nodes of one piece. Summed node by node: first the node's row
-  // of A P, which is short, then its share of the eight corner rows.
-  void fill_piece(int piece, PieceRows& out) {
+  // The pieces that the nodes of one piece are joined to, numbered from 0, and the local columns of
+  // their corners.
+  void meet_pieces(int piece) {
+    near_.clear();
     columns_.clear();
-    const int begin = transfer_.piece_offsets[piece], end = transfer_.piece_offsets[piece + 1];
-    for (int entry = begin; entry < end; ++entry) {
+    near_(piece);
+    for (int entry = transfer_.piece_offsets[piece]; entry < transfer_.piece_offsets[piece + 1]; ++entry) {
       const int node = transfer_.nodes[entry];
-      for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k)
-        for (int corner = 0; corner < kCorners; ++corner) local_column(fine_.piece[A_.neighbors[k]], corner);
+      for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k) near_(fine_.piece[A_.neighbors[k]]);
     }
-    for (int corner = 0; corner < kCorners; ++corner) local_column(piece, corner);
+    near_columns_.clear();
+    for (int met : near_.met())
+      for (int k = 0; k < kCorners; ++k)
+        near_columns_.push_back(columns_(transfer_.corners[static_cast<std::size_t>(kCorners) * met + k]));
+    near_sums_.assign(near_.met().size(), {});
+  }
+
+  void add_weights(int node, double factor) {
+    const int near = near_(fine_.piece[node]);
+    if (!near_touched_[near]) {
+      near_touched_[near] = 1;
+      touched_.push_back(near);
+    }
+    near_sums_[near].value +=
+        factor * __builtin_convertvector(fine_.weights.as<Eight::Float>()[node], Eight::Double);
+  }
+
+  // Row of A P at one fine node, over the local columns: summed per piece first, eight corners at a time.
+  void fill_row(int node) {
+    touched_.clear();
+    add_weights(node, A_.diagonal[node]);
+    for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k) add_weights(A_.neighbors[k], -A_.weight(k));
+    std::fill(row_.begin(), row_.end(), 0.0);
+    for (int near : touched_) {
+      for (int k = 0; k < kCorners; ++k)
+        row_[near_columns_[kCorners * near + k]] += near_sums_[near].value[k];
+      near_sums_[near] = {};
+      near_touched_[near] = 0;
+    }
+  }
+
+  // The rows of P^T (A P) that the nodes of one piece give to its eight corners.
+  void fill_piece(int piece, PieceRows& out) {
+    meet_pieces(piece);
+    near_touched_.assign(near_.met().size(), 0);
     out.columns = columns_.met();
     const std::size_t width = out.columns.size();
     out.values.assign(kCorners * width, 0.0);
-    for (int entry = begin; entry < end; ++entry) {
+    row_.resize(width);
+    for (int entry = transfer_.piece_offsets[piece]; entry < transfer_.piece_offsets[piece + 1]; ++entry) {
       const int node = transfer_.nodes[entry];
-      row_.assign(width, 0.0);
-      add_corners(node, A_.diagonal[node]);
-      for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k) add_corners(A_.neighbors[k], -A_.weight(k));
+      fill_row(node);
+      const Eight::Float& weights = fine_.weights.as<Eight::Float>()[node];
       for (int corner = 0; corner < kCorners; ++corner) {
-        const double weight = fine_.weights[static_cast<std::size_t>(kCorners) * node + corner];
-        double* values = &out.values[corner * width];
+        const double weight = weights[corner];
+        double* const values = &out.values[corner * width];
         for (std::size_t k = 0; k < width; ++k) values[k] += weight * row_[k];
       }
     }
@@ -152,8 +184,13 @@ class Slab {
   const LevelMatrix& A_;
   const PieceTransfer& transfer_;
   const FineNodes& fine_;
-  LocalNumbers pieces_;
-  LocalNumbers columns_;
+  LocalNumbers pieces_;   // that this slab needs
+  LocalNumbers near_;     // that one piece is joined to
+  LocalNumbers columns_;  // coarse nodes
+  std::vector<int> near_columns_;
+  std::vector<EightSums> near_sums_;  // by near piece: what the current fine node reads of its corners
+  std::vector<char> near_touched_;
+  std::vector<int> touched_;
   std::vector<PieceRows> piece_rows_;
   std::vector<double> row_;
   std::vector<int> order_;

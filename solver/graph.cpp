@@ -66,7 +66,8 @@ void append_node(std::span<Link> links, Graph& graph) {
 
 // Visits the component of `start` breadth first, appending to `order`; returns the last node seen.
 // `visited[i] == mark` tells the nodes of this visit from those of earlier ones.
-int visit_component(const Graph& graph, int start, int mark, std::vector<int>& visited, std::vector<int>& order) {
+int visit_component(const Graph& graph, int start, int mark, std::vector<int>& visited,
+                    std::vector<int>& order) {
   std::size_t head = order.size();
   order.push_back(start);
   visited[start] = mark;
@@ -84,7 +85,8 @@ int visit_component(const Graph& graph, int start, int mark, std::vector<int>& v
 Graph make_graph(int node_count, std::span<const Edge> edges) {
   if (node_count < 0) throw std::invalid_argument("make_graph: node_count is " + std::to_string(node_count));
   if (edges.size() > static_cast<std::size_t>(std::numeric_limits<int>::max() / 2))
-    throw std::invalid_argument("make_graph: " + std::to_string(edges.size()) + " edges do not fit 32-bit offsets");
+    throw std::invalid_argument("make_graph: " + std::to_string(edges.size()) +
+                                " edges do not fit 32-bit offsets");
   std::vector<int> degrees(static_cast<std::size_t>(node_count), 0);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     check_edge(e, edges[e], node_count);

@@ -69,7 +69,8 @@ void add_lattice_levels(const LinearSystem& system, const HierarchyOptions& opti
   }
 }
 
-void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options, Hierarchy::Members& members) {
+void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options,
+                    Hierarchy::Members& members) {
   LinearSystem coarser;
   for (const LinearSystem* level = &system; level->graph.node_count() > options.coarsest_size &&
                                             static_cast<int>(members.matrices.size()) < options.max_levels;
@@ -94,8 +95,9 @@ void check_options(const LinearSystem& system, const HierarchyOptions& options) 
     throw std::invalid_argument("Hierarchy: anchor has " + std::to_string(system.anchor.size()) +
                                 " entries; expected " + std::to_string(system.graph.node_count()));
   if (system.rest_positions.rows() != system.graph.node_count())
-    throw std::invalid_argument("Hierarchy: rest_positions has " + std::to_string(system.rest_positions.rows()) +
-                                " rows; expected " + std::to_string(system.graph.node_count()));
+    throw std::invalid_argument("Hierarchy: rest_positions has " +
+                                std::to_string(system.rest_positions.rows()) + " rows; expected " +
+                                std::to_string(system.graph.node_count()));
 }
 
 }  // namespace
@@ -106,8 +108,8 @@ std::size_t LevelMatrix::bytes() const {
 }
 
 std::size_t PieceTransfer::bytes() const {
-  return bytes_of(piece_offsets) + bytes_of(nodes) + bytes_of(places) + bytes_of(corners) + bytes_of(use_offsets) +
-         bytes_of(uses);
+  return bytes_of(piece_offsets) + bytes_of(nodes) + bytes_of(places) + bytes_of(corners) +
+         bytes_of(use_offsets) + bytes_of(uses);
 }
 
 std::size_t RowTransfer::bytes() const {
@@ -129,7 +131,8 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
   else
     add_lattice_levels(system, options, team, *members_);
   const LevelMatrix& last = members_->matrices.back();
-  if (last.size() <= std::max(kLargestFactor, options.coarsest_size)) members_->bottom.emplace(to_sparse(last));
+  if (last.size() <= std::max(kLargestFactor, options.coarsest_size))
+    members_->bottom.emplace(to_sparse(last));
 }
 
 Hierarchy::~Hierarchy() = default;
@@ -161,8 +164,8 @@ std::ostream& operator<<(std::ostream& out, const Hierarchy& hierarchy) {
   std::int64_t entries = 0;
   for (std::size_t level = 0; level < levels.size(); ++level) {
     entries += levels[level].entries + levels[level].nodes;
-    out << std::setw(5) << level << std::setw(11) << levels[level].nodes << std::setw(13) << levels[level].entries
-        << std::setw(13) << levels[level].bytes << '\n';
+    out << std::setw(5) << level << std::setw(11) << levels[level].nodes << std::setw(13)
+        << levels[level].entries << std::setw(13) << levels[level].bytes << '\n';
   }
   const auto finest = static_cast<double>(levels.front().entries + levels.front().nodes);
   const auto complexity = finest > 0 ? static_cast<double>(entries) / finest : 1.0;

@@ -67,7 +67,7 @@ struct RowTransfer {
 /// How the original equations of [Shi et al. 2006] go one level down and their answer comes up again.
 /// "Entries" count along LevelMatrix::neighbors of the finer (or coarser) level.
 struct EdgeDescent {
-  std::vector<int> coarse_of_fine;   ///< -1 for retained nodes
+  std::vector<int> coarse_of_fine;  ///< -1 for retained nodes
   std::vector<int> fine_of_coarse;
   std::vector<float> anchor;         ///< by fine node: alpha
   std::vector<float> inverse_reach;  ///< by retained fine node: 1 / Z of eq. (14); 0 for elevated ones

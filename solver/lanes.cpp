@@ -3,10 +3,15 @@
 #include <cstring>
 
 namespace sinew {
+namespace {
 
-AlignedMemory::AlignedMemory(std::size_t bytes) : bytes_((bytes + 63) / 64 * 64) {
+constexpr std::size_t kAlignment = sizeof(Lanes<kWidestLanes>::Double);
+
+}  // namespace
+
+AlignedMemory::AlignedMemory(std::size_t bytes) : bytes_((bytes + kAlignment - 1) / kAlignment * kAlignment) {
   if (bytes_ == 0) return;
-  memory_.reset(std::aligned_alloc(64, bytes_));
+  memory_.reset(std::aligned_alloc(kAlignment, bytes_));
   if (!memory_) throw std::bad_alloc();
   std::memset(memory_.get(), 0, bytes_);
 }

@@ -16,14 +16,15 @@ struct Lanes {
   typedef double Double __attribute__((vector_size(kWidth * sizeof(double)), may_alias));
 };
 
-/// The widest group of columns a cycle works on, and the narrowest.
+/// The widest group of columns a cycle works on.
 constexpr int kWidestLanes = 16;
-constexpr int kNarrowestLanes = 4;
 
 /// Width of the group that takes the next columns when `columns` are left.
-constexpr int lanes_for(int columns) { return columns <= 4 ? 4 : columns <= 8 ? 8 : 16; }
+constexpr int lanes_for(int columns) {
+  return columns <= 4 ? 4 : columns <= 8 ? 8 : 16;
+}
 
-/// Zeroed memory on a cache line's boundary, so that no short vector straddles two lines.
+/// Zeroed memory aligned for the widest short vector, so that none straddles two cache lines in vain.
 class AlignedMemory {
  public:
   AlignedMemory() = default;

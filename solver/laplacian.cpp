@@ -48,7 +48,9 @@ void check_shape(const char* name, Eigen::Index rows, Eigen::Index columns, Eige
 
 }  // namespace
 
-SparseMatrix laplacian(const Graph& graph) { return graph_matrix(graph, nullptr); }
+SparseMatrix laplacian(const Graph& graph) {
+  return graph_matrix(graph, nullptr);
+}
 
 SparseMatrix matrix(const LinearSystem& system) {
   if (system.anchor.size() != system.graph.node_count())

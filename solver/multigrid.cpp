@@ -34,7 +34,8 @@ struct MultigridWorkspace : SolverWorkspace {
     residual = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
     direction = AlignedMemory((static_cast<std::size_t>(n) + 1) * row * sizeof(float));
     image = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
-    block_sums = AlignedMemory(static_cast<std::size_t>(even_block_count(n, kRowsPerBlock)) * 2 * row * sizeof(double));
+    block_sums = AlignedMemory(static_cast<std::size_t>(even_block_count(n, kRowsPerBlock)) * 2 * row *
+                               sizeof(double));
   }
   const Hierarchy* hierarchy;
   int columns;
@@ -87,7 +88,7 @@ class GroupSolve {
     SolveReport report;
     report.residual = worst_residual();
     while (report.residual > options.tolerance && report.cycles < options.max_cycles) {
-      if (report.cycles == 0)
+      if (report.cycles == 0 && (options.from_zero || options.full_first_cycle))
         first_cycle(cycle_);
       else
         cycle_.v_cycle();
@@ -99,6 +100,7 @@ class GroupSolve {
       report.residual = worst_residual();
     }
     report.converged = report.residual <= options.tolerance;
+    if (report.cycles > 0) report.largest_change = largest_change();
     return report;
   }
 
@@ -205,12 +207,34 @@ class GroupSolve {
     return worst;
   }
 
+  // Of the step just taken. The last vector a step moves along is still there, so the maximum can wait
+  // until it is asked for.
+  double largest_change() {
+    const Float* const moved = options_.conjugate_gradients ? direction_ : cycle_.solution();
+    team_.for_each_block(blocks_, [&](int block) {
+      Double largest{};
+      const int end = even_block_begin(n_, blocks_, block + 1);
+      for (int i = even_block_begin(n_, blocks_, block); i < end; ++i) {
+        const Double size = __builtin_convertvector(moved[i] < 0 ? -moved[i] : moved[i], Double);
+        largest = size > largest ? size : largest;
+      }
+      block_sums_[2 * block] = largest;
+    });
+    double largest = 0;
+    for (int block = 0; block < blocks_; ++block)
+      for (int c = 0; c < width_; ++c)
+        largest = std::max(
+            largest, block_sums_[2 * block][c] * std::abs(options_.conjugate_gradients ? step_[c] : 1.0));
+    return largest;
+  }
+
   // x += e, r -= A e.
   void add_correction() {
     const Float* const e = cycle_.solution();
     residual_size_ = sum_over_nodes([&](int begin, int end, Double* partial) {
       for (int i = begin; i < end; ++i) {
-        const Double r = residual_[i] - apply_row(i, [&](int j) { return __builtin_convertvector(e[j], Double); });
+        const Double r =
+            residual_[i] - apply_row(i, [&](int j) { return __builtin_convertvector(e[j], Double); });
         store(load(x_row(i)) + __builtin_convertvector(e[i], Double), x_row(i));
         partial[0] += r * r;
         keep_residual(i, r);
@@ -233,8 +257,8 @@ class GroupSolve {
       }
     });
     energy_ = products[0];
-    Double step{};
-    for (int c = 0; c < width_; ++c) step[c] = energy_[c] > 0 ? products[1][c] / energy_[c] : 0.0;
+    for (int c = 0; c < width_; ++c) step_[c] = energy_[c] > 0 ? products[1][c] / energy_[c] : 0.0;
+    const Double step = step_;
     residual_size_ = sum_over_nodes([&](int begin, int end, Double* partial) {
       for (int i = begin; i < end; ++i) {
         store(load(x_row(i)) + step * __builtin_convertvector(p[i], Double), x_row(i));
@@ -252,7 +276,8 @@ class GroupSolve {
       const Double overlap = sum_over_nodes([&](int begin, int end, Double* partial) {
         for (int i = begin; i < end; ++i) partial[0] += __builtin_convertvector(z[i], Double) * image_[i];
       })[0];
-      for (int c = 0; c < width_; ++c) share[c] = energy_[c] > 0 ? static_cast<float>(-overlap[c] / energy_[c]) : 0.0f;
+      for (int c = 0; c < width_; ++c)
+        share[c] = energy_[c] > 0 ? static_cast<float>(-overlap[c] / energy_[c]) : 0.0f;
     }
     team_.for_each_block(blocks_, [&](int block) {
       const int end = even_block_begin(n_, blocks_, block + 1);
@@ -275,7 +300,7 @@ class GroupSolve {
   Float* direction_;
   Double* image_;
   Double* block_sums_;
-  Double size_{}, residual_size_{}, energy_{};
+  Double size_{}, residual_size_{}, energy_{}, step_{};
 };
 
 FineSystem fine_system(const LinearSystem& system) {
@@ -297,7 +322,8 @@ const LinearSystem& checked(const LinearSystem& system) {
 }  // namespace
 
 struct MultigridSolver::Members {
-  Members(const LinearSystem& linear_system, const MultigridOptions& multigrid_options, ThreadTeam& borrowed_team)
+  Members(const LinearSystem& linear_system, const MultigridOptions& multigrid_options,
+          ThreadTeam& borrowed_team)
       : options(multigrid_options),
         team(borrowed_team),
         hierarchy(checked(linear_system), multigrid_options.hierarchy, borrowed_team),
@@ -308,7 +334,8 @@ struct MultigridSolver::Members {
   template <int kWidth>
   SolveReport solve_group(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns>& x, int first,
                           const SolveOptions& solve_options, MultigridWorkspace& workspace) const {
-    return GroupSolve<kWidth>(system, hierarchy.members(), options, team, workspace, b, x, first).run(solve_options);
+    return GroupSolve<kWidth>(system, hierarchy.members(), options, team, workspace, b, x, first)
+        .run(solve_options);
   }
 
   // b = beta + sum of w * wanted.
@@ -316,10 +343,10 @@ struct MultigridSolver::Members {
     const LevelMatrix& structure = *system.structure;
     if (targets.wanted.rows() != static_cast<Eigen::Index>(structure.neighbors.size()) ||
         targets.beta.rows() != structure.size())
-      throw std::invalid_argument("MultigridSolver::solve_edge_targets: " + std::to_string(targets.wanted.rows()) +
-                                  " edge rows and " + std::to_string(targets.beta.rows()) + " beta rows; expected " +
-                                  std::to_string(structure.neighbors.size()) + " and " +
-                                  std::to_string(structure.size()));
+      throw std::invalid_argument(
+          "MultigridSolver::solve_edge_targets: " + std::to_string(targets.wanted.rows()) +
+          " edge rows and " + std::to_string(targets.beta.rows()) + " beta rows; expected " +
+          std::to_string(structure.neighbors.size()) + " and " + std::to_string(structure.size()));
     const int blocks = even_block_count(structure.size(), kRowsPerBlock);
     team.for_each_block(blocks, [&](int block) {
       const int end = even_block_begin(structure.size(), blocks, block + 1);
@@ -338,11 +365,12 @@ struct MultigridSolver::Members {
   FineSystem system;
 };
 
-MultigridSolver::MultigridSolver(const LinearSystem& system, const MultigridOptions& options, ThreadTeam& team)
+MultigridSolver::MultigridSolver(const LinearSystem& system, const MultigridOptions& options,
+                                 ThreadTeam& team)
     : members_(std::make_unique<Members>(system, options, team)) {
   if (options.smoothing_sweeps < 1)
-    throw std::invalid_argument("MultigridSolver: smoothing_sweeps is " + std::to_string(options.smoothing_sweeps) +
-                                "; expected at least 1");
+    throw std::invalid_argument("MultigridSolver: smoothing_sweeps is " +
+                                std::to_string(options.smoothing_sweeps) + "; expected at least 1");
 }
 
 MultigridSolver::~MultigridSolver() = default;
@@ -368,6 +396,7 @@ SolveReport MultigridSolver::solve(const Eigen::Ref<const Columns>& b, Eigen::Re
     report.cycles = std::max(report.cycles, group.cycles);
     if (!(group.residual <= report.residual)) report.residual = group.residual;  // not a number stays
     report.converged = report.converged && group.converged;
+    report.largest_change = std::max(report.largest_change, group.largest_change);
     first += width;
   }
   return report;
@@ -381,32 +410,39 @@ std::unique_ptr<SolverWorkspace> MultigridSolver::make_edge_workspace() const {
 }
 
 SolveReport MultigridSolver::solve_edge_targets(const EdgeTargets& targets, Eigen::Ref<Columns> x,
-                                                const SolveOptions& options, SolverWorkspace& workspace) const {
+                                                const SolveOptions& options,
+                                                SolverWorkspace& workspace) const {
   auto& own = workspace_of<MultigridWorkspace>("MultigridSolver", workspace);
   if (own.hierarchy != &members_->hierarchy || !own.edges)
     throw std::invalid_argument(
-        "MultigridSolver::solve_edge_targets: the workspace was not made by make_edge_workspace of this solver");
+        "MultigridSolver::solve_edge_targets: the workspace was not made by make_edge_workspace of this "
+        "solver");
   members_->sum_targets(targets, own.right_hand_side);
   const Hierarchy::Members& levels = members_->hierarchy.members();
   if (levels.descents.empty() || !options.from_zero) return solve(own.right_hand_side, x, options, workspace);
   check_shapes("MultigridSolver", size(), own.columns, own.right_hand_side, x);
   const Eigen::Ref<const Columns> b = own.right_hand_side;
   return GroupSolve<4>(members_->system, levels, members_->options, members_->team, own, b, x, 0)
-      .run(options,
-           [&](Cycle<4>& cycle) { full_cycle_along_edges(levels, targets, members_->team, *own.edges, cycle); });
+      .run(options, [&](Cycle<4>& cycle) {
+        full_cycle_along_edges(levels, targets, members_->team, *own.edges, cycle);
+      });
 }
 
 std::string MultigridSolver::name() const {
   return members_->options.hierarchy.coarsening == Coarsening::lattice ? "multigrid" : "multigrid-shi2006";
 }
 
-int MultigridSolver::size() const { return members_->system.structure->size(); }
+int MultigridSolver::size() const {
+  return members_->system.structure->size();
+}
 
 std::size_t MultigridSolver::bytes() const {
   return members_->hierarchy.bytes() + bytes_of(members_->system.weights) +
          static_cast<std::size_t>(size()) * sizeof(double);
 }
 
-const Hierarchy& MultigridSolver::hierarchy() const { return members_->hierarchy; }
+const Hierarchy& MultigridSolver::hierarchy() const {
+  return members_->hierarchy;
+}
 
 }  // namespace sinew

@@ -26,16 +26,16 @@ class MultigridSolver : public LinearSolver {
   ~MultigridSolver() override;
 
   std::unique_ptr<SolverWorkspace> make_workspace(int columns) const override;
-  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
-                    const SolveOptions& options, SolverWorkspace& workspace) const override;
+  SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x, const SolveOptions& options,
+                    SolverWorkspace& workspace) const override;
   /// Memory for solve_edge_targets, and for `solve` with up to three columns.
   std::unique_ptr<SolverWorkspace> make_edge_workspace() const;
   /// Solves for three columns whose right-hand side is given by what the edges want. With
   /// Coarsening::shi2006 and SolveOptions::from_zero the first cycle is the paper's full multigrid, which
   /// carries the targets to the coarse levels (14); otherwise the targets are merely summed up. Throws
   /// std::invalid_argument when the targets, x or the workspace do not fit.
-  SolveReport solve_edge_targets(const EdgeTargets& targets, Eigen::Ref<Columns> x, const SolveOptions& options,
-                                 SolverWorkspace& workspace) const;
+  SolveReport solve_edge_targets(const EdgeTargets& targets, Eigen::Ref<Columns> x,
+                                 const SolveOptions& options, SolverWorkspace& workspace) const;
 
   std::string name() const override;
   int size() const override;

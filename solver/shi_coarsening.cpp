@@ -30,7 +30,9 @@ std::vector<int> elevate(const LinearSystem& system, int& coarse_count) {
   coarse_count = 0;
   for (int i = 0; i < system.graph.node_count(); ++i) {
     // An edge is too short unless it is long enough: lengths that are no numbers count as short.
-    const auto in_the_way = [&](int j) { return coarse_of_fine[j] >= 0 && !(length(system, i, j) >= delta && delta > 0); };
+    const auto in_the_way = [&](int j) {
+      return coarse_of_fine[j] >= 0 && !(length(system, i, j) >= delta && delta > 0);
+    };
     const auto neighbors = system.graph.neighbors_of(i);
     if (std::none_of(neighbors.begin(), neighbors.end(), in_the_way)) coarse_of_fine[i] = coarse_count++;
   }
@@ -81,7 +83,8 @@ std::vector<Path> paths_from(const LinearSystem& system, const std::vector<int>&
                        graph.weights[first] * graph.weights[second] / reach[middle].elevated});
     }
   }
-  std::stable_sort(paths.begin(), paths.end(), [](const Path& l, const Path& r) { return l.target < r.target; });
+  std::stable_sort(paths.begin(), paths.end(),
+                   [](const Path& l, const Path& r) { return l.target < r.target; });
   return paths;
 }
 

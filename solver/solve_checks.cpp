@@ -26,17 +26,18 @@ void check_system(const char* solver, const LinearSystem& system) {
 
 void check_workspace_columns(const char* solver, int columns) {
   if (columns < 1)
-    throw std::invalid_argument(std::string(solver) + "::make_workspace: columns is " + std::to_string(columns) +
-                                "; expected at least 1");
+    throw std::invalid_argument(std::string(solver) + "::make_workspace: columns is " +
+                                std::to_string(columns) + "; expected at least 1");
 }
 
 void check_shapes(const char* solver, int n, int workspace_columns, const Eigen::Ref<const Columns>& b,
                   const Eigen::Ref<Columns>& x) {
   const auto where = [solver] { return std::string(solver) + "::solve: "; };
   if (b.rows() != n || x.rows() != n || b.cols() != x.cols())
-    throw std::invalid_argument(where() + "b is " + std::to_string(b.rows()) + " x " + std::to_string(b.cols()) +
-                                " and x " + std::to_string(x.rows()) + " x " + std::to_string(x.cols()) +
-                                "; expected " + std::to_string(n) + " rows and as many columns in both");
+    throw std::invalid_argument(where() + "b is " + std::to_string(b.rows()) + " x " +
+                                std::to_string(b.cols()) + " and x " + std::to_string(x.rows()) + " x " +
+                                std::to_string(x.cols()) + "; expected " + std::to_string(n) +
+                                " rows and as many columns in both");
   if (b.cols() > workspace_columns)
     throw std::invalid_argument(where() + std::to_string(b.cols()) + " columns; the workspace was made for " +
                                 std::to_string(workspace_columns));

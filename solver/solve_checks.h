@@ -24,7 +24,8 @@ void check_shapes(const char* solver, int n, int workspace_columns, const Eigen:
 template <typename Workspace>
 Workspace& workspace_of(const char* solver, SolverWorkspace& workspace) {
   if (auto* own = dynamic_cast<Workspace*>(&workspace)) return *own;
-  throw std::invalid_argument(std::string(solver) + "::solve: the workspace was made by another kind of solver");
+  throw std::invalid_argument(std::string(solver) +
+                              "::solve: the workspace was made by another kind of solver");
 }
 
 /// Largest |b - A x| / |b| of the columns; |b - A x| itself for a column of b that is zero. `scratch`

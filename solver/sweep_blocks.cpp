@@ -14,7 +14,8 @@ std::vector<int> lowest_reach(std::span<const int> offsets, std::span<const int>
   const int n = static_cast<int>(offsets.size()) - 1;
   std::vector<int> reach(static_cast<std::size_t>(n) + 1, n);
   for (int i = n - 1; i >= 0; --i) {
-    const int own = offsets[i] < offsets[i + 1] ? neighbors[offsets[i]] : i;  // ascending: the first is lowest
+    const int own =
+        offsets[i] < offsets[i + 1] ? neighbors[offsets[i]] : i;  // ascending: the first is lowest
     reach[i] = std::min({reach[i + 1], own, i});
   }
   return reach;

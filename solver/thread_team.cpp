@@ -29,8 +29,12 @@ void pause_briefly() {
 // the middle of a later loop, can never claim a block of it with the body of an earlier one.
 constexpr std::uint64_t kClosed = 0xffffffffu;
 
-std::uint64_t make_ticket(std::uint64_t loop, std::uint64_t block) { return (loop << 32) | block; }
-std::uint64_t block_of(std::uint64_t ticket) { return ticket & 0xffffffffu; }
+std::uint64_t make_ticket(std::uint64_t loop, std::uint64_t block) {
+  return (loop << 32) | block;
+}
+std::uint64_t block_of(std::uint64_t ticket) {
+  return ticket & 0xffffffffu;
+}
 
 }  // namespace
 
@@ -98,7 +102,8 @@ struct ThreadTeam::Members {
     std::uint32_t known = 0;
     while (!stopping.load(std::memory_order_acquire)) {
       take_part();
-      for (int spin = 0; spin < kSpins && started.load(std::memory_order_acquire) == known; ++spin) pause_briefly();
+      for (int spin = 0; spin < kSpins && started.load(std::memory_order_acquire) == known; ++spin)
+        pause_briefly();
       started.wait(known, std::memory_order_acquire);
       known = started.load(std::memory_order_acquire);
     }
@@ -118,7 +123,9 @@ ThreadTeam::~ThreadTeam() {
   for (std::thread& worker : members_->workers) worker.join();
 }
 
-int ThreadTeam::thread_count() const { return static_cast<int>(members_->workers.size()) + 1; }
+int ThreadTeam::thread_count() const {
+  return static_cast<int>(members_->workers.size()) + 1;
+}
 
 void ThreadTeam::run(int block_count, const void* context, void (*call)(const void*, int)) {
   Members& m = *members_;

@@ -26,9 +26,8 @@ class ThreadTeam {
   /// other blocks; a team of one stops at it).
   template <typename Body>
   void for_each_block(int block_count, const Body& body) {
-    run(block_count, &body, [](const void* context, int block) {
-      (*static_cast<const Body*>(context))(block);
-    });
+    run(block_count, &body,
+        [](const void* context, int block) { (*static_cast<const Body*>(context))(block); });
   }
 
  private:

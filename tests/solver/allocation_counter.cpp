@@ -7,7 +7,9 @@ namespace {
 std::atomic<long> count{0};
 }
 
-long sinew::allocation_count() { return count.load(); }
+long sinew::allocation_count() {
+  return count.load();
+}
 
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 // glibc lets a program replace the malloc family, and offers its own under these names.

@@ -89,13 +89,15 @@ TEST(Solvers, refuse_what_they_cannot_solve) {
   for (int i = 10; i < system.graph.node_count(); ++i) system.anchor[i] = 0;
   EXPECT_EQ(refusal([&] { CholeskySolver solver(system); }),
             "CholeskySolver: 1 of 2 components hold no anchored node; the first is the one of node 10");
-  EXPECT_EQ(refusal([&] { ConjugateGradientSolver solver(system); }),
-            "ConjugateGradientSolver: 1 of 2 components hold no anchored node; the first is the one of node 10");
+  EXPECT_EQ(
+      refusal([&] { ConjugateGradientSolver solver(system); }),
+      "ConjugateGradientSolver: 1 of 2 components hold no anchored node; the first is the one of node 10");
   system.anchor[12] = -1;
   EXPECT_EQ(refusal([&] { CholeskySolver solver(system); }),
             "CholeskySolver: anchor of node 12 is -1.000000; expected finite and not negative");
   system.anchor.resize(3);
-  EXPECT_EQ(refusal([&] { CholeskySolver solver(system); }), "CholeskySolver: anchor has 3 entries; expected 17");
+  EXPECT_EQ(refusal([&] { CholeskySolver solver(system); }),
+            "CholeskySolver: anchor has 3 entries; expected 17");
 }
 
 TEST(Solvers, refuse_arguments_that_do_not_fit) {

@@ -57,9 +57,13 @@ TEST(Graph, a_subgraph_keeps_the_edges_among_its_nodes) {
 
 TEST(Graph, a_subgraph_refuses_nodes_it_cannot_have) {
   const Graph graph = make_graph(3, {});
-  EXPECT_EQ(refusal([&] { induced_subgraph(graph, std::vector<int>{0, 3}); }),
+  EXPECT_EQ(refusal([&] {
+              induced_subgraph(graph, std::vector<int>{0, 3});
+            }),
             "induced_subgraph: node 3 is outside the 3 nodes");
-  EXPECT_EQ(refusal([&] { induced_subgraph(graph, std::vector<int>{1, 1}); }),
+  EXPECT_EQ(refusal([&] {
+              induced_subgraph(graph, std::vector<int>{1, 1});
+            }),
             "induced_subgraph: node 1 is listed twice");
 }
 

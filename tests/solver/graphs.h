@@ -106,7 +106,9 @@ struct Capsule {
   }
 };
 
-inline bool ball(const Eigen::Vector3d& x) { return x.squaredNorm() < 1; }
+inline bool ball(const Eigen::Vector3d& x) {
+  return x.squaredNorm() < 1;
+}
 
 inline bool dumbbell(const Eigen::Vector3d& x) {
   const Eigen::Vector3d end(0.6, 0, 0);
@@ -121,7 +123,8 @@ inline const std::vector<Capsule>& figure_limbs() {
       all.push_back({{side * 0.15, 0.42, 0}, {side * 0.5, 0.42, 0}, 0.07});
       all.push_back({{side * 0.5, 0.42, 0}, {side * 0.8, 0.42, 0.1}, 0.055});
       for (const double finger : {-1.0, 0.0, 1.0})
-        all.push_back({{side * 0.82, 0.42, 0.1 + 0.02 * finger}, {side * 0.97, 0.42, 0.1 + 0.06 * finger}, 0.022});
+        all.push_back(
+            {{side * 0.82, 0.42, 0.1 + 0.02 * finger}, {side * 0.97, 0.42, 0.1 + 0.06 * finger}, 0.022});
       all.push_back({{side * 0.11, -0.05, 0}, {side * 0.12, -0.5, 0}, 0.1});
       all.push_back({{side * 0.12, -0.5, 0}, {side * 0.12, -0.95, 0}, 0.07});
     }
@@ -140,7 +143,9 @@ inline bool figure_joint(const Eigen::Vector3d& x) {
     if ((x - limb.a).norm() < 0.5 * limb.radius || (x - limb.b).norm() < 0.5 * limb.radius) return true;
   return false;
 }
-inline bool far_out(const Eigen::Vector3d& x) { return std::abs(x[0]) > 0.85; }
+inline bool far_out(const Eigen::Vector3d& x) {
+  return std::abs(x[0]) > 0.85;
+}
 
 /// Node numbers of a body-centred cubic lattice. Places have doubled coordinates: all even or all odd.
 class BccNumbers {
@@ -204,9 +209,15 @@ inline Body bcc_body(const Shape& inside, int about, const Shape& held) {
   return body;
 }
 
-inline Body bcc_figure(int about) { return bcc_body(figure, about, figure_joint); }
-inline Body bcc_dumbbell(int about) { return bcc_body(dumbbell, about, far_out); }
-inline Body bcc_ball(int about) { return bcc_body(ball, about, far_out); }
+inline Body bcc_figure(int about) {
+  return bcc_body(figure, about, figure_joint);
+}
+inline Body bcc_dumbbell(int about) {
+  return bcc_body(dumbbell, about, far_out);
+}
+inline Body bcc_ball(int about) {
+  return bcc_body(ball, about, far_out);
+}
 
 /// A body bent: the equations of its free nodes, and for every edge the vector it wants.
 struct Problem {
@@ -254,7 +265,8 @@ inline Problem bent(const Body& body) {
       const int held = body.graph.neighbors[k];
       if (!body.pinned[held]) continue;
       problem.system.anchor[i] += body.graph.weights[k];
-      problem.beta.row(i) += body.graph.weights[k] * ((turn(held) * place(held)).transpose() + target(nodes[i], held));
+      problem.beta.row(i) +=
+          body.graph.weights[k] * ((turn(held) * place(held)).transpose() + target(nodes[i], held));
     }
     for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k)
       problem.targets.row(k) = target(nodes[i], nodes[graph.neighbors[k]]);

@@ -14,7 +14,8 @@ namespace sinew {
 namespace {
 
 Eigen::MatrixXd dense(const PieceTransfer& transfer) {
-  Eigen::MatrixXd P = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(transfer.nodes.size()), transfer.coarse_count);
+  Eigen::MatrixXd P =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(transfer.nodes.size()), transfer.coarse_count);
   float weights[8];
   for (int piece = 0; piece < transfer.piece_count(); ++piece)
     for (int entry = transfer.piece_offsets[piece]; entry < transfer.piece_offsets[piece + 1]; ++entry) {
@@ -138,7 +139,8 @@ TEST(Hierarchy, refuses_options_and_systems_it_cannot_use) {
   EXPECT_EQ(refusal([&] { Hierarchy(system, {.max_levels = 0}, team); }),
             "Hierarchy: max_levels is 0; expected at least 1");
   system.rest_positions.resize(4, 3);
-  EXPECT_EQ(refusal([&] { Hierarchy(system, {}, team); }), "Hierarchy: rest_positions has 4 rows; expected 10");
+  EXPECT_EQ(refusal([&] { Hierarchy(system, {}, team); }),
+            "Hierarchy: rest_positions has 4 rows; expected 10");
 }
 
 }  // namespace

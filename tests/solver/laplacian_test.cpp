@@ -39,7 +39,8 @@ TEST(LinearSystem, the_matrix_adds_the_anchor_to_the_diagonal) {
   system.graph = weighted_triangle_with_a_tail();
   system.anchor = Field::Zero(4);
   system.anchor[3] = 2.5;
-  const Eigen::MatrixXd difference = Eigen::MatrixXd(matrix(system)) - Eigen::MatrixXd(laplacian(system.graph));
+  const Eigen::MatrixXd difference =
+      Eigen::MatrixXd(matrix(system)) - Eigen::MatrixXd(laplacian(system.graph));
   EXPECT_EQ(difference, Eigen::MatrixXd(system.anchor.asDiagonal()));
   system.anchor.resize(3);
   EXPECT_EQ(refusal([&] { matrix(system); }), "matrix: anchor has 3 entries; expected 4");
@@ -59,7 +60,8 @@ TEST(LinearSystem, names_the_components_that_nothing_holds) {
 
 TEST(LinearSystem, the_residual_agrees_with_the_matrix_for_any_number_of_columns) {
   LinearSystem system = graphs::bent(graphs::bcc_dumbbell(2000)).system;
-  for (std::size_t k = 0; k < system.graph.weights.size(); ++k) system.graph.weights[k] = 1.0 + 0.001 * static_cast<double>(k % 7);
+  for (std::size_t k = 0; k < system.graph.weights.size(); ++k)
+    system.graph.weights[k] = 1.0 + 0.001 * static_cast<double>(k % 7);
   const SparseMatrix A = matrix(system);
   for (int columns : {1, 2, 3, 4, 5, 7, 12}) {
     const Columns b = Columns::Random(A.rows(), columns), x = Columns::Random(A.rows(), columns);

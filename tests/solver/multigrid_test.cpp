@@ -14,8 +14,8 @@
 namespace sinew {
 namespace {
 
-SolveReport solve(const graphs::Problem& problem, const MultigridOptions& options, const SolveOptions& solve_options,
-                  Columns& x, int threads = 1) {
+SolveReport solve(const graphs::Problem& problem, const MultigridOptions& options,
+                  const SolveOptions& solve_options, Columns& x, int threads = 1) {
   ThreadTeam team(threads);
   const MultigridSolver solver(problem.system, options, team);
   const auto workspace = solver.make_workspace(static_cast<int>(problem.b.cols()));
@@ -42,7 +42,8 @@ Columns direct_answer(const graphs::Problem& problem) {
   return x;
 }
 
-void expect_agreement(const graphs::Problem& problem, const MultigridOptions& options, const std::string& what) {
+void expect_agreement(const graphs::Problem& problem, const MultigridOptions& options,
+                      const std::string& what) {
   const Columns wanted = direct_answer(problem);
   for (bool from_zero : {true, false}) {
     Columns x = Columns::Random(wanted.rows(), wanted.cols());
@@ -54,12 +55,18 @@ void expect_agreement(const graphs::Problem& problem, const MultigridOptions& op
 }
 
 std::vector<std::pair<std::string, graphs::Body>> many_bodies() {
-  return {{"single node", graphs::path(2)},         {"path of three", graphs::path(3)},
-          {"path", graphs::path(3000)},             {"star", graphs::star(7, 300)},
-          {"sheet", graphs::sheet(70, 50)},         {"ribbon", graphs::sheet(900, 3)},
-          {"ball", graphs::bcc_ball(4000)},         {"dumbbell", graphs::bcc_dumbbell(5000)},
-          {"figure", graphs::bcc_figure(6000)},     {"two bodies", graphs::beside(graphs::bcc_ball(3000), graphs::sheet(30, 40))},
-          {"ball and crumbs", graphs::beside(graphs::bcc_ball(2500), graphs::beside(graphs::path(2), graphs::path(5)))}};
+  return {{"single node", graphs::path(2)},
+          {"path of three", graphs::path(3)},
+          {"path", graphs::path(3000)},
+          {"star", graphs::star(7, 300)},
+          {"sheet", graphs::sheet(70, 50)},
+          {"ribbon", graphs::sheet(900, 3)},
+          {"ball", graphs::bcc_ball(4000)},
+          {"dumbbell", graphs::bcc_dumbbell(5000)},
+          {"figure", graphs::bcc_figure(6000)},
+          {"two bodies", graphs::beside(graphs::bcc_ball(3000), graphs::sheet(30, 40))},
+          {"ball and crumbs",
+           graphs::beside(graphs::bcc_ball(2500), graphs::beside(graphs::path(2), graphs::path(5)))}};
 }
 
 TEST(Multigrid, agrees_with_cholesky_on_many_graphs) {
@@ -153,8 +160,9 @@ TEST(Multigrid, leaves_the_memory_around_its_columns_alone) {
 }
 
 TEST(Multigrid, one_full_cycle_reaches_a_thousandth_and_few_more_a_hundred_thousandth) {
-  for (const graphs::Body& body : {graphs::bcc_figure(10000), graphs::bcc_dumbbell(10000), graphs::bcc_ball(10000),
-                                   graphs::bcc_figure(100000), graphs::sheet(150, 150)}) {
+  for (const graphs::Body& body :
+       {graphs::bcc_figure(10000), graphs::bcc_dumbbell(10000), graphs::bcc_ball(10000),
+        graphs::bcc_figure(100000), graphs::sheet(150, 150)}) {
     const graphs::Problem problem = graphs::bent(body);
     EXPECT_LE(cycles_to(1e-3, problem), 2);
     EXPECT_LE(cycles_to(1e-5, problem), 5);
@@ -174,6 +182,31 @@ TEST(Multigrid, stops_at_the_last_cycle_and_says_so) {
   EXPECT_EQ(report.cycles, 2);
   EXPECT_FALSE(report.converged);
   EXPECT_GT(report.residual, 1e-12);
+}
+
+TEST(Multigrid, tells_the_largest_change_of_the_last_cycle) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_figure(10000));
+  ThreadTeam team(1);
+  for (bool conjugate_gradients : {true, false}) {
+    const MultigridSolver solver(problem.system, {.conjugate_gradients = conjugate_gradients}, team);
+    const auto workspace = solver.make_workspace(3);
+    Columns two = Columns::Zero(problem.b.rows(), 3), three = two;
+    solver.solve(problem.b, two, {.tolerance = 1e-14, .max_cycles = 2, .from_zero = true}, *workspace);
+    const SolveReport report =
+        solver.solve(problem.b, three, {.tolerance = 1e-14, .max_cycles = 3, .from_zero = true}, *workspace);
+    const double change = (three - two).cwiseAbs().maxCoeff();
+    EXPECT_NEAR(report.largest_change, change, 1e-5 * change);
+    EXPECT_EQ(solver.solve(problem.b, three, {.tolerance = 1.0}, *workspace).largest_change, 0.0);
+  }
+}
+
+TEST(Multigrid, a_good_guess_may_do_without_the_full_cycle) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_figure(10000));
+  Columns x = direct_answer(problem);
+  x += 1e-3 * Columns::Random(x.rows(), 3);  // wrong nearby: no coarse level can help
+  const SolveReport report = solve(problem, {}, {.tolerance = 1e-4, .full_first_cycle = false}, x);
+  EXPECT_TRUE(report.converged);
+  EXPECT_LE(report.cycles, 3);
 }
 
 TEST(Multigrid, a_right_hand_side_that_is_no_number_does_not_pass_for_solved) {
@@ -200,7 +233,8 @@ TEST(Multigrid, same_bytes_for_any_team) {
     const Columns one = answer(1, conjugate_gradients);
     for (int threads : {2, 3}) {
       const Columns more = answer(threads, conjugate_gradients);
-      EXPECT_EQ(std::memcmp(one.data(), more.data(), sizeof(double) * static_cast<std::size_t>(one.size())), 0)
+      EXPECT_EQ(std::memcmp(one.data(), more.data(), sizeof(double) * static_cast<std::size_t>(one.size())),
+                0)
           << threads << " threads";
     }
   }

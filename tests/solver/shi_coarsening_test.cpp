@@ -37,7 +37,8 @@ Pruned prune(const graphs::Problem& problem, const EdgeDescent& descent) {
   const int n = graph.node_count();
   std::vector<int> place(static_cast<std::size_t>(n));
   int retained = static_cast<int>(descent.fine_of_coarse.size());
-  for (int i = 0; i < n; ++i) place[i] = descent.coarse_of_fine[i] >= 0 ? descent.coarse_of_fine[i] : retained++;
+  for (int i = 0; i < n; ++i)
+    place[i] = descent.coarse_of_fine[i] >= 0 ? descent.coarse_of_fine[i] : retained++;
   Pruned pruned{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, 3),
                 static_cast<Eigen::Index>(descent.fine_of_coarse.size())};
   for (int i = 0; i < n; ++i) {
@@ -82,8 +83,9 @@ TEST(Shi2006, the_coarse_matrix_is_the_schur_complement_of_the_pruned_system) {
   const ShiCoarsening coarsening = coarsen_by_independent_set(problem.system);
   const Pruned pruned = prune(problem, coarsening.descent);
   const Eigen::Index e = pruned.elevated, r = pruned.A.rows() - e;
-  const Eigen::MatrixXd schur = pruned.A.topLeftCorner(e, e) - pruned.A.topRightCorner(e, r) *
-                                    pruned.A.bottomRightCorner(r, r).inverse() * pruned.A.bottomLeftCorner(r, e);
+  const Eigen::MatrixXd schur = pruned.A.topLeftCorner(e, e) -
+                                pruned.A.topRightCorner(e, r) * pruned.A.bottomRightCorner(r, r).inverse() *
+                                    pruned.A.bottomLeftCorner(r, e);
   const Eigen::MatrixXd coarse = matrix(coarsening.coarse);
   EXPECT_LT((coarse - schur).norm(), 1e-12 * schur.norm());
   EXPECT_EQ((coarse - coarse.transpose()).norm(), 0.0);
@@ -98,7 +100,8 @@ TEST(Shi2006, the_coarse_targets_are_those_of_the_pruned_system) {
   const Pruned pruned = prune(problem, descent);
   const Eigen::Index e = pruned.elevated, r = pruned.A.rows() - e;
   const Eigen::MatrixXd wanted = pruned.b.topRows(e) - pruned.A.topRightCorner(e, r) *
-                                     pruned.A.bottomRightCorner(r, r).inverse() * pruned.b.bottomRows(r);
+                                                           pruned.A.bottomRightCorner(r, r).inverse() *
+                                                           pruned.b.bottomRows(r);
   // (20) and (22), summed up to a right-hand side.
   const Graph& coarse = coarsening.coarse.graph;
   const Graph& fine = problem.system.graph;
@@ -152,7 +155,8 @@ TEST(Shi2006, carrying_the_targets_down_saves_most_of_the_cycles) {
   const auto workspace = solver.make_edge_workspace();
   const SolveOptions options{.tolerance = 1e-3, .from_zero = true};
   Columns x(solver.size(), 3);
-  const int along_edges = solver.solve_edge_targets({problem.targets, problem.beta}, x, options, *workspace).cycles;
+  const int along_edges =
+      solver.solve_edge_targets({problem.targets, problem.beta}, x, options, *workspace).cycles;
   const int summed_up = solver.solve(problem.b, x, options, *workspace).cycles;
   EXPECT_LE(along_edges, 3);
   EXPECT_LT(2 * along_edges, summed_up);
@@ -184,7 +188,9 @@ TEST(EdgeTargets, same_bytes_for_any_team_and_nothing_allocated) {
     EXPECT_EQ(allocation_count(), before);
     answers[threads == 1 ? 0 : 1] = x;
   }
-  EXPECT_EQ(std::memcmp(answers[0].data(), answers[1].data(), sizeof(double) * static_cast<std::size_t>(answers[0].size())), 0);
+  EXPECT_EQ(std::memcmp(answers[0].data(), answers[1].data(),
+                        sizeof(double) * static_cast<std::size_t>(answers[0].size())),
+            0);
 }
 
 TEST(EdgeTargets, refuses_what_does_not_fit) {
@@ -193,12 +199,15 @@ TEST(EdgeTargets, refuses_what_does_not_fit) {
   const MultigridSolver solver(problem.system, {}, team);
   Columns x(10, 3);
   const auto workspace = solver.make_edge_workspace();
-  EXPECT_EQ(refusal([&] { solver.solve_edge_targets({Field3(4, 3), problem.beta}, x, {}, *workspace); }),
+  EXPECT_EQ(refusal([&] {
+              solver.solve_edge_targets({Field3(4, 3), problem.beta}, x, {}, *workspace);
+            }),
             "MultigridSolver::solve_edge_targets: 4 edge rows and 10 beta rows; expected 18 and 10");
   EXPECT_EQ(refusal([&] {
               solver.solve_edge_targets({problem.targets, problem.beta}, x, {}, *solver.make_workspace(3));
             }),
-            "MultigridSolver::solve_edge_targets: the workspace was not made by make_edge_workspace of this solver");
+            "MultigridSolver::solve_edge_targets: the workspace was not made by make_edge_workspace of this "
+            "solver");
 }
 
 }  // namespace

@@ -21,13 +21,16 @@ TEST(ThreadTeam, runs_every_block_once_for_any_size) {
     EXPECT_EQ(team.thread_count(), threads);
     for (int blocks : {0, 1, 2, 7, 100}) {
       std::vector<int> runs(static_cast<std::size_t>(blocks), 0);
-      for (int repeat = 0; repeat < 50; ++repeat) team.for_each_block(blocks, [&](int block) { ++runs[block]; });
+      for (int repeat = 0; repeat < 50; ++repeat)
+        team.for_each_block(blocks, [&](int block) { ++runs[block]; });
       EXPECT_EQ(runs, std::vector<int>(static_cast<std::size_t>(blocks), 50));
     }
   }
 }
 
-TEST(ThreadTeam, has_at_least_one_thread_when_asked_for_all) { EXPECT_GE(ThreadTeam(0).thread_count(), 1); }
+TEST(ThreadTeam, has_at_least_one_thread_when_asked_for_all) {
+  EXPECT_GE(ThreadTeam(0).thread_count(), 1);
+}
 
 TEST(ThreadTeam, a_loop_sees_what_the_loop_before_it_wrote) {
   ThreadTeam team(3);

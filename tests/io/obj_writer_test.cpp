@@ -1,6 +1,7 @@
 #include "io/obj_writer.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstring>
@@ -15,7 +16,8 @@ namespace sinew {
 namespace {
 
 std::filesystem::path temporary(const std::string& name) {
-  return std::filesystem::path(testing::TempDir()) / ("sinew_obj_writer_" + name);
+  // Tests run side by side, each in a process of its own.
+  return std::filesystem::path(testing::TempDir()) / ("sinew_obj_writer_" + std::to_string(::getpid()) + "_" + name);
 }
 
 std::string written(const MeshAsset& asset, const Field3& positions) {

@@ -1,6 +1,7 @@
 #include "io/report.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -118,7 +119,8 @@ TEST(Report, prints_a_short_table) {
 }
 
 TEST(Report, is_written_whole_and_names_its_inputs) {
-  const auto path = std::filesystem::path(testing::TempDir()) / "sinew_report_test.json";
+  const auto path = std::filesystem::path(testing::TempDir()) /
+                    ("sinew_report_test_" + std::to_string(::getpid()) + ".json");
   write_report(path, sample_report());
   std::ifstream file(path);
   const std::string text(std::istreambuf_iterator<char>(file), {});

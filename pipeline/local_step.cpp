@@ -1,49 +1,215 @@
-// Second-order steps on the rotation group for the orthogonal Procrustes problem: the derivative of
-// trace(exp([w])^T B), B = R^T S, is the axial part of B, its second derivative -(trace(P) I - P) with
-// P the symmetric part of B.
+// Second-order steps on the rotation group for the orthogonal Procrustes problem: with B = R^T S, the
+// derivative of trace(exp([w])^T B) at w = 0 is the axial part of B, its second derivative -(trace(P) I - P)
+// with P the symmetric part of B. Steps are taken by Cayley's map, which needs no sine. All lanes run the
+// same straight line of arithmetic; quaternions are never normalised, their matrices divide by the length.
 #include "pipeline/local_step.h"
 
-#include <cmath>
+#include <cstring>
 
 namespace sinew {
 namespace {
 
+typedef float Wide __attribute__((vector_size(kFitLanes * sizeof(float))));
+typedef int WideInt __attribute__((vector_size(kFitLanes * sizeof(int))));
+
 /// Newton doubles the digits each time; from a blended rotation two or three steps are the rule.
-constexpr int kMostSteps = 12;
-constexpr double kSmallTurn = 1e-8;  ///< radians; the next step would be its square
+constexpr int kMostSteps = 8;
+
+/// Squared radians. The step after one this small is below single precision.
+constexpr float kSmallStep = 1e-7f;
 
 /// Share of the neighborhood's size that holds a direction in place which its edges leave open.
-constexpr double kStiffness = 1e-6;
+constexpr float kStiffness = 1e-5f;
 
-Eigen::Quaterniond small_turn(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  const double half = angle < 1e-4 ? 0.5 - angle * angle / 48.0 : std::sin(0.5 * angle) / angle;
-  return {std::cos(0.5 * angle), half * turn.x(), half * turn.y(), half * turn.z()};
+/// A curvature is trusted when its determinant is above this, the neighborhood's size being one.
+constexpr float kLeastCurvature = 1e-9f;
+
+constexpr float kMostVolumeRatio = 8.0f;
+constexpr float kMostScale = 1.3f;
+
+Wide load(const float (&values)[kFitLanes]) {
+  Wide wide;
+  std::memcpy(&wide, values, sizeof wide);
+  return wide;
+}
+
+void store(const Wide& wide, float (&values)[kFitLanes]) { std::memcpy(values, &wide, sizeof wide); }
+
+struct WideMatrix {
+  Wide at[3][3];
+};
+
+struct WideQuaternion {
+  Wide x, y, z, w;
+};
+
+WideMatrix load_sum(const FitBatch& batch) {
+  WideMatrix sum;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) sum.at[row][column] = load(batch.sum[3 * row + column]);
+  }
+  return sum;
+}
+
+WideQuaternion load_rotation(const FitBatch& batch) {
+  return {load(batch.rotation[0]), load(batch.rotation[1]), load(batch.rotation[2]), load(batch.rotation[3])};
+}
+
+void matrix_of(const WideQuaternion& q, WideMatrix& R) {
+  const Wide s = 2.0f / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  R.at[0][0] = 1.0f - s * (q.y * q.y + q.z * q.z);
+  R.at[1][1] = 1.0f - s * (q.x * q.x + q.z * q.z);
+  R.at[2][2] = 1.0f - s * (q.x * q.x + q.y * q.y);
+  R.at[0][1] = s * (q.x * q.y - q.w * q.z);
+  R.at[1][0] = s * (q.x * q.y + q.w * q.z);
+  R.at[0][2] = s * (q.x * q.z + q.w * q.y);
+  R.at[2][0] = s * (q.x * q.z - q.w * q.y);
+  R.at[1][2] = s * (q.y * q.z - q.w * q.x);
+  R.at[2][1] = s * (q.y * q.z + q.w * q.x);
+}
+
+/// B = R^T S.
+void turned_back(const WideMatrix& R, const WideMatrix& S, WideMatrix& B) {
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      B.at[row][column] =
+          R.at[0][row] * S.at[0][column] + R.at[1][row] * S.at[1][column] + R.at[2][row] * S.at[2][column];
+    }
+  }
+}
+
+struct WideVector {
+  Wide x, y, z;
+};
+
+/// The turn that Newton's method wants: curvature^-1 slope, or a share of the slope where the curvature
+/// points the wrong way (the slope never does).
+void wanted_turn(const WideMatrix& B, WideVector& turn) {
+  const WideVector slope = {B.at[2][1] - B.at[1][2], B.at[0][2] - B.at[2][0], B.at[1][0] - B.at[0][1]};
+  const Wide a = B.at[1][1] + B.at[2][2] + kStiffness;
+  const Wide b = B.at[0][0] + B.at[2][2] + kStiffness;
+  const Wide c = B.at[0][0] + B.at[1][1] + kStiffness;
+  const Wide d = -0.5f * (B.at[0][1] + B.at[1][0]);
+  const Wide e = -0.5f * (B.at[0][2] + B.at[2][0]);
+  const Wide f = -0.5f * (B.at[1][2] + B.at[2][1]);
+  const Wide cofactor_a = b * c - f * f;
+  const Wide cofactor_d = e * f - d * c;
+  const Wide cofactor_e = d * f - b * e;
+  const Wide determinant = a * cofactor_a + d * cofactor_d + e * cofactor_e;
+  const WideInt curved = (a > 0.0f) & (a * b - d * d > 0.0f) & (determinant > kLeastCurvature);
+  const Wide newton = 1.0f / (curved ? determinant : Wide{} + 1.0f);
+  turn.x = curved ? newton * (cofactor_a * slope.x + cofactor_d * slope.y + cofactor_e * slope.z) : slope.x;
+  turn.y = curved ? newton * (cofactor_d * slope.x + (a * c - e * e) * slope.y + (d * e - a * f) * slope.z)
+                  : slope.y;
+  turn.z = curved ? newton * (cofactor_e * slope.x + (d * e - a * f) * slope.y + (a * b - d * d) * slope.z)
+                  : slope.z;
+  // Beyond a radian the quadratic model says little.
+  const Wide length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
+  const Wide limit = 1.0f / (length > 1.0f ? length : Wide{} + 1.0f);
+  turn.x *= limit;
+  turn.y *= limit;
+  turn.z *= limit;
+}
+
+/// q <- q (1 + turn / 2), but for its length.
+void apply(const WideVector& turn, WideQuaternion& q) {
+  const Wide x = 0.5f * turn.x;
+  const Wide y = 0.5f * turn.y;
+  const Wide z = 0.5f * turn.z;
+  q = {q.x + q.w * x + q.y * z - q.z * y, q.y + q.w * y + q.z * x - q.x * z, q.z + q.w * z + q.x * y - q.y * x,
+       q.w - q.x * x - q.y * y - q.z * z};
+}
+
+bool all_small(const WideVector& turn) {
+  const Wide length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
+  float longest = 0.0f;
+  for (int lane = 0; lane < kFitLanes; ++lane) longest = length[lane] > longest ? length[lane] : longest;
+  return longest < kSmallStep;
+}
+
+/// Makes the entries' sizes sum to one, or leaves a zero matrix as it is.
+void scale_to_one(WideMatrix& matrix) {
+  Wide size = Wide{} + 1e-37f;
+  for (const auto& row : matrix.at) {
+    for (const Wide& entry : row) size = size + (entry < 0.0f ? -entry : entry);
+  }
+  const Wide inverse = 1.0f / size;
+  for (auto& row : matrix.at) {
+    for (Wide& entry : row) entry *= inverse;
+  }
+}
+
+/// 2^(factor log2 x) for x from 1/8 to 8 and small factors, to single precision.
+void power(const Wide& x, float factor, Wide& result) {
+  WideInt bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  // x = 2^exponent * mantissa, the mantissa from sqrt(1/2) to sqrt(2), where the series converges fast.
+  constexpr int bits_of_root_half = 0x3f3504f3;
+  const WideInt exponent = (bits - bits_of_root_half) >> 23;
+  const WideInt mantissa_bits = bits - (exponent << 23);
+  Wide mantissa;
+  std::memcpy(&mantissa, &mantissa_bits, sizeof mantissa);
+  const Wide t = (mantissa - 1.0f) / (mantissa + 1.0f);
+  const Wide t2 = t * t;
+  const Wide natural = 2.0f * t * (1.0f + t2 * (1.0f / 3.0f + t2 * (0.2f + t2 * (1.0f / 7.0f))));
+  const Wide logarithm = natural + 0.69314718f * __builtin_convertvector(exponent, Wide);
+  // e^y as the 16th power of e^(y/16): y / 16 is so small that a few terms do.
+  const Wide y = (0.0625f * factor) * logarithm;
+  Wide power = 1.0f + y * (1.0f + y * (0.5f + y * (1.0f / 6.0f + y * (1.0f / 24.0f))));
+  for (int square = 0; square < 4; ++square) power = power * power;
+  result = power;
+}
+
+void clamp(float low, float high, Wide& value) {
+  value = value < low ? Wide{} + low : value;
+  value = value > high ? Wide{} + high : value;
 }
 
 }  // namespace
 
-Eigen::Quaterniond closest_rotation(const Eigen::Matrix3d& sum, const Eigen::Quaterniond& start) {
-  Eigen::Quaterniond rotation = start;
-  const double size = sum.norm();
-  if (!(size > 0.0) || !std::isfinite(size)) return start;
+void fit_rotations(FitBatch& batch) {
+  WideMatrix S = load_sum(batch);
+  scale_to_one(S);
+  WideQuaternion q = load_rotation(batch);
   for (int step = 0; step < kMostSteps; ++step) {
-    const Eigen::Matrix3d B = rotation.toRotationMatrix().transpose() * sum;
-    const Eigen::Vector3d slope(B(2, 1) - B(1, 2), B(0, 2) - B(2, 0), B(1, 0) - B(0, 1));
-    Eigen::Matrix3d curvature = -0.5 * (B + B.transpose());
-    curvature.diagonal().array() += B.trace() + kStiffness * size;
-    // Far from the maximum the curvature may point the wrong way; the gradient never does.
-    const double minor = curvature(0, 0) * curvature(1, 1) - curvature(0, 1) * curvature(1, 0);
-    const double determinant = curvature.determinant();
-    const bool curved = curvature(0, 0) > 0.0 && minor > 0.0 && determinant > 1e-12 * size * size * size;
-    Eigen::Vector3d turn = curved ? Eigen::Vector3d(curvature.inverse() * slope) : Eigen::Vector3d(slope / size);
-    const double angle = turn.norm();
-    constexpr double longest = 1.0;  // radian; beyond it the quadratic model says little
-    if (angle > longest) turn *= longest / angle;
-    rotation = (rotation * small_turn(turn)).normalized();
-    if (angle < kSmallTurn) break;
+    WideMatrix R;
+    WideMatrix B;
+    WideVector turn;
+    matrix_of(q, R);
+    turned_back(R, S, B);
+    wanted_turn(B, turn);
+    apply(turn, q);
+    if (all_small(turn)) break;
   }
-  return rotation;
+  store(q.x, batch.rotation[0]);
+  store(q.y, batch.rotation[1]);
+  store(q.z, batch.rotation[2]);
+  store(q.w, batch.rotation[3]);
+}
+
+void rotation_matrices(const FitBatch& batch, float (&matrix)[9][kFitLanes]) {
+  WideMatrix R;
+  matrix_of(load_rotation(batch), R);
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) store(R.at[row][column], matrix[3 * row + column]);
+  }
+}
+
+void correct_volume(const FitBatch& batch, const float (&inverse_rest_determinant)[kFitLanes], float gain,
+                    float (&scale)[kFitLanes]) {
+  const WideMatrix S = load_sum(batch);
+  const Wide determinant = S.at[0][0] * (S.at[1][1] * S.at[2][2] - S.at[1][2] * S.at[2][1]) -
+                           S.at[0][1] * (S.at[1][0] * S.at[2][2] - S.at[1][2] * S.at[2][0]) +
+                           S.at[0][2] * (S.at[1][0] * S.at[2][1] - S.at[1][1] * S.at[2][0]);
+  const Wide inverse = load(inverse_rest_determinant);
+  Wide ratio = determinant * inverse;
+  clamp(1.0f / kMostVolumeRatio, kMostVolumeRatio, ratio);
+  Wide factor;
+  power(ratio, -gain / 3.0f, factor);
+  const Wide before = load(scale);
+  Wide after = before * factor;
+  clamp(1.0f / kMostScale, kMostScale, after);
+  store(inverse > 0.0f ? after : before, scale);
 }
 
 }  // namespace sinew

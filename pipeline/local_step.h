@@ -1,15 +1,32 @@
 #pragma once
 
-#include <Eigen/Geometry>
-
 namespace sinew {
 
-/// The rotation R that maximises trace(R^T S), S the sum of w e' e^T over a node's edges (e at rest, e'
-/// deformed): the local step of as-rigid-as-possible deformation [Sorkine and Alexa 2007].
+/// Neighborhoods fitted at once: one register of floats each on machines with 512-bit registers.
+constexpr int kFitLanes = 16;
+
+/// What the edges of sixteen nodes say, number by number side by side.
+struct alignas(64) FitBatch {
+  float sum[9][kFitLanes];       ///< row-major: sum over a node's edges of w e' e^T, e at rest, e' deformed
+  float rotation[4][kFitLanes];  ///< quaternions x y z w of any length but 0: a guess, and the answer
+};
+
+/// For each lane the rotation R that maximises trace(R^T sum): the local step of as-rigid-as-possible
+/// deformation [Sorkine and Alexa 2007].
 ///
-/// Newton's method on rotations from the unit quaternion `start`, which also decides the directions
-/// that a flat or straight neighborhood leaves open. Proper (determinant +1) also where the neighborhood is turned
-/// inside out. Zero and non-finite sums give `start`.
-Eigen::Quaterniond closest_rotation(const Eigen::Matrix3d& sum, const Eigen::Quaterniond& start);
+/// Newton's method on rotations from the guess, which also decides the directions that a flat or straight
+/// neighborhood leaves open. Proper (determinant +1) also where a neighborhood is turned inside out. A
+/// zero sum keeps its guess. Right to single precision; the lanes do not influence one another's
+/// answers beyond that.
+void fit_rotations(FitBatch& batch);
+
+/// Rotation matrices of the quaternions, row-major.
+void rotation_matrices(const FitBatch& batch, float (&matrix)[9][kFitLanes]);
+
+/// For each lane: scale <- clamp(scale * J^(-gain / 3)), J = det(sum) * inverse_rest_determinant the local volume
+/// ratio, taken within 1/8 to 8 (beyond that a neighborhood is crushed or turned inside out, and says only
+/// which way to go); the scale stays within 1/1.3 to 1.3. Lanes with inverse_rest_determinant 0 keep their scale.
+void correct_volume(const FitBatch& batch, const float (&inverse_rest_determinant)[kFitLanes], float gain,
+                    float (&scale)[kFitLanes]);
 
 }  // namespace sinew

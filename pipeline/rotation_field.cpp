@@ -2,6 +2,7 @@
 // of twisting bones are an addition.
 #include "pipeline/rotation_field.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace sinew {
@@ -31,22 +32,25 @@ double half_twist_about(const Eigen::Quaterniond& rotation, const Eigen::Vector3
 }
 
 PoseRotations::PoseRotations(const RigSkeleton& skeleton, const Binding& binding) {
-  std::vector<int> twist_of_bone(binding.bones.size(), -1);
-  for (std::size_t k = 0; k < binding.bones.size(); ++k) {
-    const Bone& bone = binding.bones[k];
-    if (!bone.twists) continue;
-    twist_of_bone[k] = static_cast<int>(twists_.size());
-    twists_.push_back({bone.joint, skeleton.joints[bone.joint].parent, bone.twisted_by, bone.axis});
-  }
+  int places = 0;
   for (const FieldSource& source : binding.fields) {
-    joint_of_field_.push_back(binding.bones[source.bone].joint);
-    fields_.push_back({Eigen::Vector4d(0, 0, 0, 1), 1.0, twist_of_bone[source.bone], source.far_end});
+    const Bone& bone = binding.bones[source.bone];
+    joint_of_field_.push_back(bone.joint);
+    twists_of_field_.push_back(bone.twists);
+    far_end_of_field_.push_back(source.far_end);
+    // A far half shares the table of the near half before it.
+    place_of_field_.push_back(source.far_end ? place_of_field_.back() : places);
+    if (source.far_end) continue;
+    if (bone.twists) {
+      twists_.push_back({bone.joint, skeleton.joints[bone.joint].parent, bone.twisted_by, bone.axis, places});
+    }
+    places += bone.twists ? kTwistSteps + 1 : 2;
   }
-  tables_.assign(twists_.size() * (kTwistSteps + 1), Eigen::Vector4d(0, 0, 0, 1));
+  scale_of_field_.assign(joint_of_field_.size(), 1.0f);
+  table_.assign(places, Eigen::Vector4f(0, 0, 0, 1));
 }
 
-void PoseRotations::read_twist(const Pose& pose, int twist) {
-  const TwistSource& source = twists_[twist];
+void PoseRotations::read_twist(const Pose& pose, const TwistSource& source) {
   const Eigen::Quaterniond& own = pose.rotations[source.joint];
   double half_angle = 0.0;
   if (source.parent >= 0) {  // a root turns the whole body: nothing before it could take up its twist
@@ -58,70 +62,61 @@ void PoseRotations::read_twist(const Pose& pose, int twist) {
   }
   for (int step = 0; step <= kTwistSteps; ++step) {
     const Eigen::Quaterniond turn = turn_about(source.axis, half_angle * step / kTwistSteps);
-    tables_[twist * (kTwistSteps + 1) + step] = (near * turn).coeffs();
+    table_[source.first_place + step] = (near * turn).coeffs().cast<float>();
   }
 }
 
 void PoseRotations::read(const Pose& pose) {
   rigid_ = true;
-  for (int twist = 0; twist < static_cast<int>(twists_.size()); ++twist) read_twist(pose, twist);
-  for (std::size_t field = 0; field < fields_.size(); ++field) {
+  for (std::size_t field = 0; field < joint_of_field_.size(); ++field) {
     const int joint = joint_of_field_[field];
-    fields_[field].rotation = pose.rotations[joint].coeffs();
-    fields_[field].scale = pose.scales[joint];
+    scale_of_field_[field] = static_cast<float>(pose.scales[joint]);
     // Scales come out of cube roots: rounding alone must not make a rigid skeleton a growing one.
     constexpr double rounding = 1e-9;
     if (std::abs(pose.scales[joint] - 1.0) > rounding) rigid_ = false;
+    if (twists_of_field_[field]) continue;
+    const int place = place_of_field_[field];
+    table_[place] = table_[place + 1] = pose.rotations[joint].coeffs().cast<float>();
   }
+  for (const TwistSource& source : twists_) read_twist(pose, source);
 }
 
-Eigen::Vector4d PoseRotations::at_twist(int twist, double share) const {
-  const Eigen::Vector4d* table = tables_.data() + twist * (kTwistSteps + 1);
-  const double place = share * kTwistSteps;
-  const int below = std::min(static_cast<int>(place), kTwistSteps - 1);
-  const double rest = place - below;
-  return (1.0 - rest) * table[below] + rest * table[below + 1];
-}
-
-Eigen::Quaterniond PoseRotations::blend(const int* fields, const float* weights, int count) const {
-  Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-  int strongest = 0;
+void PoseRotations::append_terms(const int* fields, const float* weights, int count,
+                                 std::vector<BlendTerm>& terms) const {
   for (int k = 0; k < count; ++k) {
-    if (weights[k] > weights[strongest]) strongest = k;
-    const FieldRotation& field = fields_[fields[k]];
-    if (field.twist < 0) {
-      sum += static_cast<double>(weights[k]) * field.rotation;
+    const int field = fields[k];
+    if (!twists_of_field_[field]) {
+      terms.push_back({place_of_field_[field], weights[k], 0.0f});
       continue;
     }
     // Both halves of a bone lie side by side; either may have been too weak to store.
-    double near = field.far_end ? 0.0 : weights[k];
-    double far = field.far_end ? weights[k] : 0.0;
-    if (!field.far_end && k + 1 < count && fields[k + 1] == fields[k] + 1 && fields_[fields[k + 1]].far_end) {
-      ++k;
-      far = weights[k];
-      if (weights[k] > weights[strongest]) strongest = k;
+    float near = far_end_of_field_[field] ? 0.0f : weights[k];
+    float far = far_end_of_field_[field] ? weights[k] : 0.0f;
+    if (!far_end_of_field_[field] && k + 1 < count && fields[k + 1] == field + 1 && far_end_of_field_[field + 1]) {
+      far = weights[++k];
     }
-    sum += (near + far) * at_twist(field.twist, far / (near + far));
+    const float step = kTwistSteps * far / (near + far);
+    const int below = std::min(static_cast<int>(step), kTwistSteps - 1);
+    const float rest = step - static_cast<float>(below);
+    terms.push_back({place_of_field_[field] + below, (near + far) * (1.0f - rest), (near + far) * rest});
   }
-  const double norm = sum.norm();
-  constexpr double least = 1e-6;  // opposite bones cancel: no mean exists, the strongest bone decides
-  return norm < least ? of_field(fields[strongest]) : Eigen::Quaterniond(sum / norm);
 }
 
-double PoseRotations::blend_scale(const int* fields, const float* weights, int count) const {
-  double sum = 0.0;
-  double total = 0.0;
+int PoseRotations::strongest_place(std::span<const BlendTerm> terms) {
+  const auto strongest = std::max_element(terms.begin(), terms.end(), [](const BlendTerm& a, const BlendTerm& b) {
+    return a.below + a.above < b.below + b.above;
+  });
+  return strongest->place;
+}
+
+float PoseRotations::blend_scale(const int* fields, const float* weights, int count) const {
+  float sum = 0.0f;
+  float total = 0.0f;
   for (int k = 0; k < count; ++k) {
-    sum += static_cast<double>(weights[k]) * fields_[fields[k]].scale;
-    total += static_cast<double>(weights[k]);
+    sum += weights[k] * scale_of_field_[fields[k]];
+    total += weights[k];
   }
   return sum / total;
-}
-
-Eigen::Quaterniond PoseRotations::of_field(int field) const {
-  const FieldRotation& carried = fields_[field];
-  if (carried.twist < 0) return Eigen::Quaterniond(carried.rotation);
-  return Eigen::Quaterniond(at_twist(carried.twist, carried.far_end ? 1.0 : 0.0));
 }
 
 void blend_rotations(const HarmonicFields& fields, const PoseRotations& pose, ThreadTeam& team, RotationField& out) {
@@ -129,11 +124,14 @@ void blend_rotations(const HarmonicFields& fields, const PoseRotations& pose, Th
   out.rotations.resize(node_count);
   out.scales.resize(node_count);
   team.for_each_block((node_count + kBlock - 1) / kBlock, [&](int block) {
+    std::vector<BlendTerm> terms;
     for (int node = block * kBlock; node < std::min(node_count, (block + 1) * kBlock); ++node) {
       const int begin = fields.offsets[node];
       const int count = fields.offsets[node + 1] - begin;
-      out.rotations[node] = pose.blend(&fields.fields[begin], &fields.weights[begin], count);
-      out.scales[node] = pose.rigid() ? 1.0 : pose.blend_scale(&fields.fields[begin], &fields.weights[begin], count);
+      terms.clear();
+      pose.append_terms(&fields.fields[begin], &fields.weights[begin], count, terms);
+      out.rotations[node] = pose.blend(terms);
+      out.scales[node] = pose.rigid() ? 1.0f : pose.blend_scale(&fields.fields[begin], &fields.weights[begin], count);
     }
   });
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+#include <span>
 #include <vector>
 
 #include "pipeline/binding.h"
@@ -8,6 +10,14 @@
 #include "solver/thread_team.h"
 
 namespace sinew {
+
+/// A node's share in one bone's rotation, worked out once for a rig: `below` times the rotation at
+/// `place` plus `above` times the one after it.
+struct BlendTerm {
+  int place = 0;
+  float below = 0.0f;
+  float above = 0.0f;
+};
 
 /// What every field carries in one pose: a unit quaternion on a sign that is continuous in time, or,
 /// for the two halves of a twisting bone, all rotations between the near end's and the far end's.
@@ -24,46 +34,54 @@ class PoseRotations {
   /// Reads a pose of the skeleton. Allocates nothing.
   void read(const Pose& pose);
 
-  /// The rotation of a node that listens to `fields` with `weights`, `count` of both: unit.
-  Eigen::Quaterniond blend(const int* fields, const float* weights, int count) const;
+  /// Appends the terms of a node that listens to `fields` with `weights`, `count` of both. They hold for
+  /// every pose.
+  void append_terms(const int* fields, const float* weights, int count, std::vector<BlendTerm>& terms) const;
 
-  /// The same mean of the bones' scales.
-  double blend_scale(const int* fields, const float* weights, int count) const;
+  /// The rotation of a node with these terms: unit, to single precision like the weights.
+  Eigen::Quaternionf blend(std::span<const BlendTerm> terms) const {
+    Eigen::Vector4f sum = Eigen::Vector4f::Zero();
+    for (const BlendTerm& term : terms) sum += term.below * table_[term.place] + term.above * table_[term.place + 1];
+    const float square = sum.squaredNorm();
+    constexpr float least = 1e-8f;  // opposite bones cancel: no mean exists, the strongest bone decides
+    if (square < least) return Eigen::Quaternionf(table_[strongest_place(terms)].normalized());
+    return Eigen::Quaternionf(sum / std::sqrt(square));
+  }
+
+  /// The mean of the bones' scales with a node's weights.
+  float blend_scale(const int* fields, const float* weights, int count) const;
 
   /// Whether every scale is one, so that blend_scale() need not be asked.
   bool rigid() const { return rigid_; }
 
-  /// The rotation a field carries at its own end: where its weight is one.
-  Eigen::Quaterniond of_field(int field) const;
-
  private:
-  struct FieldRotation {
-    Eigen::Vector4d rotation;  ///< x y z w; of the near end where the bone twists
-    double scale = 1.0;
-    int twist = -1;            ///< index of the bone's twist table; -1: the bone does not twist
-    bool far_end = false;
-  };
   struct TwistSource {
     int joint = 0;
     int parent = -1;
     int twisted_by = -1;
     Eigen::Vector3d axis;
+    int first_place = 0;
   };
 
-  Eigen::Vector4d at_twist(int twist, double share) const;
-  void read_twist(const Pose& pose, int twist);
+  static int strongest_place(std::span<const BlendTerm> terms);
+  void read_twist(const Pose& pose, const TwistSource& source);
 
   std::vector<int> joint_of_field_;
-  std::vector<FieldRotation> fields_;
+  std::vector<int> place_of_field_;     ///< of its rotation; of the near end's where the bone twists
+  std::vector<bool> far_end_of_field_;
+  std::vector<bool> twists_of_field_;
+  std::vector<float> scale_of_field_;
   std::vector<TwistSource> twists_;
-  std::vector<Eigen::Vector4d> tables_;  ///< per twisting bone: rotations at even shares of its twist
+  /// Quaternions x y z w: one for an undivided bone and its copy, or a twisting bone's at even steps of
+  /// its twist.
+  std::vector<Eigen::Vector4f> table_;
   bool rigid_ = true;
 };
 
 /// One rotation and one scale per node for the current pose.
 struct RotationField {
-  std::vector<Eigen::Quaterniond> rotations;
-  std::vector<double> scales;
+  std::vector<Eigen::Quaternionf> rotations;
+  std::vector<float> scales;
 };
 
 /// Blends rotations and scales at every node. `out` keeps its memory between calls.

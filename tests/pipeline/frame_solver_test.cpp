@@ -41,7 +41,7 @@ class FrameSolverForms : public testing::TestWithParam<Deform> {
 TEST_P(FrameSolverForms, the_rest_pose_gives_the_rest_mesh) {
   const Rig rig = build();
   const Field3 positions = solved(rig, exact(GetParam()), rest_pose(rig.skeleton), team_);
-  EXPECT_LT(largest_difference(positions, rig.volume.rest_positions), 1e-9);
+  EXPECT_LT(largest_difference(positions, rig.volume.rest_positions), 1e-6 * bounds(rig.mesh).diagonal());
 }
 
 TEST_P(FrameSolverForms, the_rest_pose_gives_the_rest_mesh_with_multigrid_too) {
@@ -59,7 +59,7 @@ TEST_P(FrameSolverForms, moving_the_whole_skeleton_moves_the_mesh_rigidly) {
       solved(rig, exact(GetParam()), posed(rig.skeleton, {whole, none, none}, shift), team_);
   const Field3 wanted =
       (rig.volume.rest_positions * whole.toRotationMatrix().transpose()).rowwise() + shift.transpose();
-  EXPECT_LT(largest_difference(positions, wanted), 1e-8);
+  EXPECT_LT(largest_difference(positions, wanted), 1e-6 * bounds(rig.mesh).diagonal());
 }
 
 TEST_P(FrameSolverForms, held_nodes_are_exactly_where_the_pose_puts_them) {
@@ -73,15 +73,15 @@ TEST_P(FrameSolverForms, held_nodes_are_exactly_where_the_pose_puts_them) {
   const auto rest = [&](int node) -> Eigen::Vector3d { return rig.volume.rest_positions.row(node).transpose(); };
   for (const SphereConstraint& sphere : rig.binding.spheres) {
     const Eigen::Vector3d arm = rest(sphere.node) - rig.skeleton.joints[sphere.joint].position;
-    const Eigen::Vector3d wanted = pose.positions[sphere.joint] + field.rotations[sphere.node] * arm;
-    EXPECT_LT((positions.row(sphere.node).transpose() - wanted).norm(), 1e-14);
+    const Eigen::Vector3d wanted = pose.positions[sphere.joint] + field.rotations[sphere.node].cast<double>() * arm;
+    EXPECT_LT((positions.row(sphere.node).transpose() - wanted).norm(), 1e-7);
   }
   for (const CoreConstraint& core : rig.binding.cores) {
     const int joint = rig.binding.bones[core.bone].joint;
     const Eigen::Vector3d axis_arm = core.foot - rig.skeleton.joints[joint].position;
     const Eigen::Vector3d wanted = pose.positions[joint] + pose.rotations[joint] * axis_arm +
-                                   field.rotations[core.node] * (rest(core.node) - core.foot);
-    EXPECT_LT((positions.row(core.node).transpose() - wanted).norm(), 1e-13);
+                                   field.rotations[core.node].cast<double>() * (rest(core.node) - core.foot);
+    EXPECT_LT((positions.row(core.node).transpose() - wanted).norm(), 1e-7);
   }
 }
 
@@ -100,7 +100,7 @@ TEST_P(FrameSolverForms, scaling_the_mesh_scales_the_answer) {
   Pose pose = bent_arm(80, 40);
   const Field3 small = solved(rig, exact(GetParam()), pose, team_);
   for (Eigen::Vector3d& position : pose.positions) position *= scale;
-  EXPECT_LT(largest_difference(solved(large, exact(GetParam()), pose, team_), small * scale), 1e-7 * scale);
+  EXPECT_LT(largest_difference(solved(large, exact(GetParam()), pose, team_), small * scale), 1e-5 * scale);
 }
 
 TEST_P(FrameSolverForms, multigrid_agrees_with_the_direct_solver) {
@@ -181,7 +181,7 @@ TEST_P(FrameSolverForms, a_pose_grown_by_half_grows_the_body_by_half) {
   for (Eigen::Vector3d& position : pose.positions) position *= 1.5;
   pose.scales.assign(3, 1.5);
   const Field3 positions = solved(rig, exact(GetParam()), pose, team_);
-  EXPECT_LT(largest_difference(positions, 1.5 * rig.volume.rest_positions), 1e-8);
+  EXPECT_LT(largest_difference(positions, 1.5 * rig.volume.rest_positions), 1e-6);
 }
 
 TEST_P(FrameSolverForms, the_answer_hardly_depends_on_the_guess) {

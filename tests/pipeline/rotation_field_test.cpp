@@ -21,8 +21,9 @@ RotationField blended(const Rig& rig, const Pose& pose, ThreadTeam& team) {
 }
 
 /// Angle between the rotations themselves: q and -q are one.
-double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
-  return a.angularDistance(b) * 180.0 / std::numbers::pi;
+template <typename A, typename B>
+double angle_between(const Eigen::Quaternion<A>& a, const Eigen::Quaternion<B>& b) {
+  return a.template cast<double>().angularDistance(b.template cast<double>()) * 180.0 / std::numbers::pi;
 }
 
 int nearest_node(const Rig& rig, const Eigen::Vector3d& point) {
@@ -50,8 +51,8 @@ TEST(RotationField, one_rotation_of_all_bones_is_the_rotation_of_every_node) {
   const Eigen::Quaterniond none = Eigen::Quaterniond::Identity();
   const Eigen::Quaterniond whole = turn(70, {1, 1, 0});
   for (const auto& rotation : blended(rig, posed(rig.skeleton, {whole, none, none}), team).rotations) {
-    EXPECT_LT(angle_between(rotation, whole), 1e-5);
-    EXPECT_NEAR(rotation.norm(), 1.0, 1e-12);
+    EXPECT_LT(angle_between(rotation, whole), 1e-4);
+    EXPECT_NEAR(rotation.norm(), 1.0f, 1e-6f);
   }
 }
 
@@ -105,7 +106,9 @@ TEST(RotationField, harmonic_blending_stays_close_to_orientation_diffusion) {
   for (const Deform deform : {Deform::refined, Deform::paper}) {
     const Rig rig = arm_rig(team, deform);
     const RotationField field = blended(rig, bent_arm(90), team);
-    const auto diffused = diffuse_orientations(rig.volume, rig.binding, field.rotations, 1e-6);
+    std::vector<Eigen::Quaterniond> start;
+    for (const Eigen::Quaternionf& rotation : field.rotations) start.push_back(rotation.cast<double>());
+    const auto diffused = diffuse_orientations(rig.volume, rig.binding, std::move(start), 1e-6);
     for (std::size_t node = 0; node < diffused.size(); ++node) {
       EXPECT_LT(angle_between(field.rotations[node], diffused[node]), 3.0);
     }

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "solver/field.h"
@@ -37,6 +38,20 @@ class SolverWorkspace {
   virtual ~SolverWorkspace() = default;
 };
 
+/// How far a correction must reach.
+enum class Reach {
+  near,  ///< what is wrong lies near by: one V-cycle
+  far    ///< what is wrong is smooth over the whole body: one cycle of full multigrid
+};
+
+/// Memory of one thread of corrections, in rows of x, y, z and a zero. Made by the solver it serves.
+class CorrectionWorkspace {
+ public:
+  virtual ~CorrectionWorkspace() = default;
+  std::span<Eigen::Vector4f> residual;  ///< n rows of b - A x: the caller's to fill; the fourth numbers are 0
+  std::span<const Eigen::Vector4f> correction;  ///< n rows to add to x: what correct() answers
+};
+
 /// The one interface all solvers stand behind: prepared once for a matrix, asked every frame.
 class LinearSolver {
  public:
@@ -50,6 +65,16 @@ class LinearSolver {
   /// number of threads. Throws std::invalid_argument when shapes or the workspace do not fit.
   virtual SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x,
                             const SolveOptions& options, SolverWorkspace& workspace) const = 0;
+
+  /// Memory for correct(). Allocates.
+  virtual std::unique_ptr<CorrectionWorkspace> make_correction_workspace() const;
+
+  /// One step of iterative refinement on three columns: correction ~ A^-1 residual, in single precision. For
+  /// callers that know the residual better than `solve` can, as edge by edge differences that never form b.
+  /// Multigrid runs one cycle of the wanted reach; solvers without cycles solve to 1e-5 and better. Returns
+  /// the number of cycles (SolveReport::cycles). Allocates nothing; the answer does not depend on the number
+  /// of threads. Throws std::invalid_argument when the workspace was made by another solver.
+  virtual int correct(Reach reach, CorrectionWorkspace& workspace) const;
 
   virtual std::string name() const = 0;
   virtual int size() const = 0;           ///< n

@@ -50,6 +50,18 @@ struct MultigridWorkspace : SolverWorkspace {
   std::optional<EdgeMemory> edges;
 };
 
+struct CorrectionCycle : CorrectionWorkspace {
+  explicit CorrectionCycle(const Hierarchy& made_for)
+      : hierarchy(&made_for), memory(made_for.members(), lanes_for(3)) {
+    const CycleMemory::Level& finest = memory.levels.front();
+    const auto n = static_cast<std::size_t>(made_for.members().matrices.front().size());
+    residual = {finest.b.as<Eigen::Vector4f>(), n};
+    correction = {finest.x.as<Eigen::Vector4f>(), n};
+  }
+  const Hierarchy* hierarchy;
+  CycleMemory memory;
+};
+
 // Solves for up to kWidth columns of b and x, beginning with column `first`. Lanes beyond the last
 // column hold zeros and stay zero.
 template <int kWidth>
@@ -400,6 +412,20 @@ SolveReport MultigridSolver::solve(const Eigen::Ref<const Columns>& b, Eigen::Re
     first += width;
   }
   return report;
+}
+
+std::unique_ptr<CorrectionWorkspace> MultigridSolver::make_correction_workspace() const {
+  return std::make_unique<CorrectionCycle>(members_->hierarchy);
+}
+
+int MultigridSolver::correct(Reach reach, CorrectionWorkspace& workspace) const {
+  auto* const own = dynamic_cast<CorrectionCycle*>(&workspace);
+  if (own == nullptr || own->hierarchy != &members_->hierarchy)
+    refuse_correction_workspace("MultigridSolver");
+  Cycle<4> cycle(members_->hierarchy.members(), members_->options.smoothing_sweeps, members_->team,
+                 own->memory);
+  reach == Reach::far ? cycle.full_cycle() : cycle.v_cycle();
+  return 1;
 }
 
 std::unique_ptr<SolverWorkspace> MultigridSolver::make_edge_workspace() const {

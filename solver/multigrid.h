@@ -28,6 +28,9 @@ class MultigridSolver : public LinearSolver {
   std::unique_ptr<SolverWorkspace> make_workspace(int columns) const override;
   SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x, const SolveOptions& options,
                     SolverWorkspace& workspace) const override;
+  std::unique_ptr<CorrectionWorkspace> make_correction_workspace() const override;
+  int correct(Reach reach, CorrectionWorkspace& workspace) const override;
+
   /// Memory for solve_edge_targets, and for `solve` with up to three columns.
   std::unique_ptr<SolverWorkspace> make_edge_workspace() const;
   /// Solves for three columns whose right-hand side is given by what the edges want. With

@@ -43,6 +43,10 @@ void check_shapes(const char* solver, int n, int workspace_columns, const Eigen:
                                 std::to_string(workspace_columns));
 }
 
+void refuse_correction_workspace(const std::string& name) {
+  throw std::invalid_argument(name + "::correct: the workspace was made by another solver");
+}
+
 double relative_residual(const LinearSystem& system, const Eigen::Ref<const Columns>& b,
                          const Eigen::Ref<const Columns>& x, Columns& scratch) {
   residual_into(system, b, x, scratch.leftCols(b.cols()));

@@ -28,6 +28,9 @@ Workspace& workspace_of(const char* solver, SolverWorkspace& workspace) {
                               "::solve: the workspace was made by another kind of solver");
 }
 
+/// Throws std::invalid_argument: correct() of the solver `name` was given another solver's workspace.
+[[noreturn]] void refuse_correction_workspace(const std::string& name);
+
 /// Largest |b - A x| / |b| of the columns; |b - A x| itself for a column of b that is zero. `scratch`
 /// is at least n x k and keeps its size.
 double relative_residual(const LinearSystem& system, const Eigen::Ref<const Columns>& b,

@@ -1,0 +1,95 @@
+// LinearSolver::correct(): iterative refinement by whoever knows the residual.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "allocation_counter.h"
+#include "graphs.h"
+#include "refusal.h"
+#include "solver/cholesky.h"
+#include "solver/conjugate_gradients.h"
+#include "solver/multigrid.h"
+
+namespace sinew {
+namespace {
+
+std::vector<std::unique_ptr<LinearSolver>> all_solvers(const LinearSystem& system, ThreadTeam& team) {
+  std::vector<std::unique_ptr<LinearSolver>> solvers;
+  solvers.push_back(std::make_unique<MultigridSolver>(system, MultigridOptions{}, team));
+  solvers.push_back(std::make_unique<CholeskySolver>(system));
+  solvers.push_back(std::make_unique<ConjugateGradientSolver>(system));
+  return solvers;
+}
+
+// x <- x + correction of b - A x, `steps` times, the first one far.
+void refine(const LinearSolver& solver, const graphs::Problem& problem, int steps, Columns& x) {
+  const auto workspace = solver.make_correction_workspace();
+  Columns r;
+  for (int step = 0; step < steps; ++step) {
+    residual(problem.system, problem.b, x, r);
+    for (Eigen::Index i = 0; i < r.rows(); ++i)
+      workspace->residual[i] << r.row(i).transpose().cast<float>(), 0.0f;
+    EXPECT_GE(solver.correct(step == 0 ? Reach::far : Reach::near, *workspace), 0);
+    for (Eigen::Index i = 0; i < r.rows(); ++i)
+      x.row(i) += workspace->correction[i].head<3>().cast<double>().transpose();
+  }
+}
+
+TEST(Correction, refinement_with_any_solver_ends_at_the_direct_answer) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
+  ThreadTeam team(1);
+  const CholeskySolver direct(problem.system);
+  Columns wanted(problem.b.rows(), 3);
+  direct.solve(problem.b, wanted, {}, *direct.make_workspace(3));
+  for (const auto& solver : all_solvers(problem.system, team)) {
+    Columns x = Columns::Zero(problem.b.rows(), 3);
+    refine(*solver, problem, 12, x);
+    EXPECT_LT((x - wanted).norm(), 1e-6 * wanted.norm()) << solver->name();
+  }
+}
+
+TEST(Correction, one_far_reaching_cycle_leaves_less_than_a_hundredth) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
+  ThreadTeam team(1);
+  const MultigridSolver solver(problem.system, {}, team);
+  const CholeskySolver direct(problem.system);
+  Columns wanted(problem.b.rows(), 3);
+  direct.solve(problem.b, wanted, {}, *direct.make_workspace(3));
+  Columns x = Columns::Zero(problem.b.rows(), 3);
+  refine(solver, problem, 1, x);
+  EXPECT_LT((x - wanted).cwiseAbs().maxCoeff(), 0.01 * wanted.cwiseAbs().maxCoeff());
+}
+
+TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
+  std::vector<Eigen::Vector4f> answers[2];
+  for (int threads : {1, 2}) {
+    ThreadTeam team(threads);
+    const MultigridSolver solver(problem.system, {}, team);
+    const auto workspace = solver.make_correction_workspace();
+    for (Eigen::Index i = 0; i < problem.b.rows(); ++i)
+      workspace->residual[i] << problem.b.row(i).transpose().cast<float>(), 0.0f;
+    const long before = allocation_count();
+    solver.correct(Reach::far, *workspace);
+    solver.correct(Reach::near, *workspace);
+    EXPECT_EQ(allocation_count(), before);
+    answers[threads - 1].assign(workspace->correction.begin(), workspace->correction.end());
+  }
+  EXPECT_EQ(std::memcmp(answers[0].data(), answers[1].data(), answers[0].size() * sizeof(Eigen::Vector4f)),
+            0);
+}
+
+TEST(Correction, a_workspace_of_another_solver_is_refused) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_ball(500));
+  ThreadTeam team(1);
+  const auto solvers = all_solvers(problem.system, team);
+  EXPECT_EQ(refusal([&] { solvers[0]->correct(Reach::near, *solvers[1]->make_correction_workspace()); }),
+            "MultigridSolver::correct: the workspace was made by another solver");
+  EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, *solvers[2]->make_correction_workspace()); }),
+            "cholesky::correct: the workspace was made by another solver");
+}
+
+}  // namespace
+}  // namespace sinew

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "tools/exit_codes.h"
 
@@ -48,7 +49,27 @@ struct AnimateCommandOptions {
   CommonOptions common;
 };
 
+/// What both benchmarks share.
+struct BenchOptions {
+  std::vector<std::string> meshes;  ///< empty: all that are there
+  std::filesystem::path data;       ///< folder of the named meshes; empty: the sample alone
+  std::filesystem::path rigs;       ///< folder of their rig files; empty: where this was built from
+  std::filesystem::path json;
+  std::filesystem::path markdown;
+  int threads = 0;
+  int repeats = 5;
+  double limit_seconds = 600.0;
+  double limit_gigabytes = 20.0;
+  CommonOptions common;
+};
+
+struct BenchSolverOptions : BenchOptions {
+  std::vector<std::string> solvers;
+  std::vector<int> sizes;
+};
+
 ExitCode run_inspect(const InspectOptions& options);
 ExitCode run_animate(const AnimateCommandOptions& options);
+ExitCode run_bench_solver(const BenchSolverOptions& options);
 
 }  // namespace sinew

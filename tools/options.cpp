@@ -79,6 +79,41 @@ void add_inspect(CLI::App& app, InspectOptions& options) {
   verb->add_flag("--json", options.json, "Print JSON instead of a table");
 }
 
+void add_bench_common(CLI::App& verb, BenchOptions& options) {
+  verb.add_option("--mesh", options.meshes, "Body: ogre, armadillo, armadillo_loop2, human_man, camel, koala (default: all)")
+      ->delimiter(',')
+      ->check(one_of({"ogre", "armadillo", "armadillo_loop2", "human_man", "camel", "koala"}));
+  verb.add_option("--data", options.data, "Folder of the meshes (all but the ogre, which is made on the spot)")
+      ->envname("SINEW_SHARED_DATA");
+  verb.add_option("--rigs", options.rigs, "Folder of their rig files (default: samples/rigs of the source)");
+  verb.add_option("--json", options.json, "Write every number as JSON");
+  verb.add_option("--markdown", options.markdown, "Put the tables into this page, between its markers");
+  verb.add_option("-j,--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 1024).description(""));
+  verb.add_option("--repeats", options.repeats, "Times each measurement is repeated; medians are shown")
+      ->check(CLI::Range(1, 1000).description(""))
+      ->capture_default_str();
+  verb.add_option("--limit-seconds", options.limit_seconds, "Longest a solver may take on one system")
+      ->check(CLI::Range(1.0, 86400.0).description(""))
+      ->capture_default_str();
+  verb.add_option("--limit-gigabytes", options.limit_gigabytes, "Most memory a solver may take")
+      ->check(CLI::Range(0.5, 4096.0).description(""))
+      ->capture_default_str();
+  add_common(verb, options.common);
+}
+
+void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
+  CLI::App* verb = bench.add_subcommand("solver", "One frame's system, by our multigrid and by every other solver found");
+  add_bench_common(*verb, options);
+  options.sizes = {100000, 500000};
+  verb->add_option("--sizes", options.sizes, "Free vertices wanted (within 10 %), with commas between")
+      ->delimiter(',')
+      ->check(CLI::Range(1000, 20000000).description(""))
+      ->capture_default_str();
+  verb->add_option("--solvers", options.solvers, "Only these: sinew, shi2006, cholmod, hypre, trilinos_ml, amgcl, eigen_pcg")
+      ->delimiter(',')
+      ->check(one_of({"sinew", "shi2006", "cholmod", "hypre", "trilinos_ml", "amgcl", "eigen_pcg"}));
+}
+
 }  // namespace
 
 ExitCode run_command_line(int argc, char** argv) {
@@ -91,10 +126,14 @@ ExitCode run_command_line(int argc, char** argv) {
 
   AnimateCommandOptions animate;
   InspectOptions inspect;
+  BenchSolverOptions bench_solver;
   bool yes = false;
   bool no = false;
   add_animate(app, animate, yes, no);
   add_inspect(app, inspect);
+  CLI::App* bench = app.add_subcommand("bench", "Measure how fast it is");
+  bench->require_subcommand(1);
+  add_bench_solver(*bench, bench_solver);
 
   try {
     app.parse(argc, argv);
@@ -113,7 +152,9 @@ ExitCode run_command_line(int argc, char** argv) {
     std::cerr << "error: " << error.what() << "; see sinew --help\n";
     return ExitCode::usage;
   }
-  return app.got_subcommand("animate") ? run_animate(animate) : run_inspect(inspect);
+  if (app.got_subcommand("animate")) return run_animate(animate);
+  if (app.got_subcommand("inspect")) return run_inspect(inspect);
+  return run_bench_solver(bench_solver);
 }
 
 }  // namespace sinew

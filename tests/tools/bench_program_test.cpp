@@ -1,0 +1,83 @@
+// `sinew bench` as a person runs it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+
+namespace sinew::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+long lines(const std::string& text) {
+  return std::count(text.begin(), text.end(), '\n');
+}
+
+TEST(Bench, wrong_usage_is_one_line_and_exit_2) {
+  for (const std::vector<std::string>& arguments : {std::vector<std::string>{"bench"},
+                                                    {"bench", "fast"},
+                                                    {"bench", "solver", "--sizes", "0"},
+                                                    {"bench", "solver", "--sizes", "many"},
+                                                    {"bench", "solver", "--mesh", "unicorn"},
+                                                    {"bench", "solver", "--solvers", "magic"},
+                                                    {"bench", "solver", "--repeats", "0"},
+                                                    {"bench", "solver", "--threads", "0"}}) {
+    const ProgramRun run = run_sinew(arguments);
+    EXPECT_EQ(run.exit_code, 2) << run.errors;
+    EXPECT_EQ(lines(run.errors), 1) << run.errors;
+    EXPECT_EQ(run.errors.rfind("error: ", 0), 0u) << run.errors;
+  }
+}
+
+TEST(Bench, a_mesh_that_is_not_there_is_exit_4) {
+  const ProgramRun run =
+      run_sinew({"bench", "solver", "--mesh", "koala", "--data", "/nowhere", "--progress", "none"});
+  EXPECT_EQ(run.exit_code, 4);
+  EXPECT_NE(run.errors.find("--data says where the meshes are"), std::string::npos) << run.errors;
+}
+
+TEST(Bench, every_solver_found_solves_the_same_system) {
+  const fs::path folder = scratch("bench-solver");
+  const ProgramRun run =
+      run_sinew({"bench", "solver", "--mesh", "ogre", "--sizes", "25000", "--repeats", "1", "--progress",
+                 "none", "--json", folder / "a.json", "--markdown", folder / "a.md"});
+  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  const auto root = nlohmann::json::parse(contents(folder / "a.json"));
+  EXPECT_GT(root.at("read_bandwidth_gbs").get<double>(), 0.0);
+  ASSERT_EQ(root.at("systems").size(), 1u);
+  const auto& system = root.at("systems")[0];
+  EXPECT_EQ(system.at("name"), "ogre");
+  EXPECT_NEAR(system.at("free_vertices").get<double>(), 25000, 2500);
+  for (const char* name : {"sinew", "shi2006", "cholmod", "eigen_pcg"}) {
+    EXPECT_TRUE(system.at("solvers").contains(name)) << name;
+  }
+  for (const auto& [name, solver] : system.at("solvers").items()) {
+    ASSERT_FALSE(solver.contains("failure")) << name << ": " << solver.at("failure");
+    EXPECT_LE(solver.at("residual").at("1e-3").get<double>(), 1e-3) << name;
+    EXPECT_LE(solver.at("residual").at("1e-5").get<double>(), 1e-5) << name;
+    EXPECT_LE(solver.at("vertex_error").at("1e-5").get<double>(), 1e-3) << name;
+    EXPECT_GT(solver.at("memory_mb").get<double>(), 0.0) << name;
+    EXPECT_GT(solver.at("setup_s").get<double>(), 0.0) << name;
+    EXPECT_GT(solver.at("to_1e-3_s").get<double>(), 0.0) << name;
+  }
+  EXPECT_EQ(system.at("solvers").at("sinew").at("iterations").at("1e-3"), 1);
+  const std::string page = contents(folder / "a.md");
+  EXPECT_EQ(page.rfind("<!-- sinew bench solver -->\n", 0), 0u);
+  EXPECT_NE(page.find("| sinew |"), std::string::npos);
+}
+
+TEST(Bench, a_solver_over_its_limit_is_reported_as_not_finished) {
+  const fs::path folder = scratch("bench-limit");
+  const ProgramRun run =
+      run_sinew({"bench", "solver", "--mesh", "ogre", "--sizes", "100000", "--solvers", "cholmod",
+                 "--limit-seconds", "1", "--progress", "none", "--json", folder / "a.json"});
+  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  const auto root = nlohmann::json::parse(contents(folder / "a.json"));
+  const std::string failure = root.at("systems")[0].at("solvers").at("cholmod").at("failure");
+  EXPECT_EQ(failure.rfind("not finished within 1 s", 0), 0u) << failure;
+}
+
+}  // namespace
+}  // namespace sinew::test

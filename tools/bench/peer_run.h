@@ -1,0 +1,51 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace sinew {
+
+/// How far a solver is asked to go, and what it took.
+struct PeerSolve {
+  double tolerance = 0.0;  ///< of the relative residual, worst of three columns
+  double seconds = 0.0;    ///< median
+  double least_seconds = 0.0;
+  int iterations = 0;         ///< cycles or iterations; 0 for a direct solver
+  double residual = 0.0;      ///< true, in double
+  double vertex_error = 0.0;  ///< largest, as a share of the body's diagonal
+  bool reached = false;       ///< residual <= tolerance
+};
+
+/// What one solver measured on one system, or why it has no numbers.
+struct PeerResult {
+  double setup_s = 0.0;    ///< median
+  double memory_mb = 0.0;  ///< resident growth by set-up and first solve, by the system's account; 10^6 bytes
+  double peak_mb = 0.0;    ///< the most it grew by meanwhile
+  double solver_mb =
+      0.0;  ///< what the solver says the prepared hierarchy or factor holds; 0: it does not say
+  std::vector<PeerSolve> solves;  ///< one a tolerance asked for
+  std::string settings;
+  std::string failure;  ///< "not finished: ..."; empty when all went well
+
+  bool finished() const { return failure.empty(); }
+  /// The solve for `tolerance`, or nullptr.
+  const PeerSolve* at(double tolerance) const;
+};
+
+struct PeerLimits {
+  int threads = 1;
+  int repeats = 5;
+  double seconds = 600.0;      ///< of one solver on one system
+  double megabytes = 20000.0;  ///< its address space
+};
+
+/// The solvers that the program sinew-bench-peer beside this one knows. Throws std::runtime_error when it
+/// is not there.
+std::vector<std::string> peers_at_hand();
+
+/// Runs one of them in a process of its own on the system in `file`.
+PeerResult run_peer(const std::string& solver, const std::filesystem::path& file,
+                    const std::vector<double>& tolerances, const PeerLimits& limits);
+
+}  // namespace sinew

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <iterator>
@@ -135,12 +136,19 @@ json measure(const json& job) {
 }
 
 /// Thread counts of OpenMP and BLAS are read when those libraries are loaded: so they are set here, and
-/// the program started anew with its job as argument.
+/// the program started anew with its job as argument. Hypre has no threads in most builds of it: it gets as
+/// many MPI ranks where there is an mpirun, and one otherwise.
 [[noreturn]] void start_with_job(const std::string& text) {
   const json job = json::parse(text);
   const std::string threads = std::to_string(job.at("threads").get<int>());
   setenv("OMP_NUM_THREADS", threads.c_str(), 1);
   setenv("OPENBLAS_NUM_THREADS", threads.c_str(), 1);
+  setenv("OMPI_MCA_ess_singleton_isolated", "1", 1);  // one rank alone starts no daemon
+  if (job.at("solver") == "hypre" && job.at("threads") > 1) {
+    const std::string self = std::filesystem::read_symlink("/proc/self/exe");
+    execlp("mpirun", "mpirun", "--allow-run-as-root", "--oversubscribe", "-n", threads.c_str(), self.c_str(),
+           text.c_str(), nullptr);
+  }
   execl("/proc/self/exe", "sinew-bench-peer", text.c_str(), nullptr);
   throw std::runtime_error(std::string("cannot start itself: ") + std::strerror(errno));
 }

@@ -18,7 +18,6 @@ SceneFolders folders_of(const BenchOptions& options) {
 
 PeerLimits limits_of(const BenchOptions& options) {
   return {.threads = options.threads,
-          .repeats = options.repeats,
           .seconds = options.limit_seconds,
           .megabytes = options.limit_gigabytes * 1024.0};
 }
@@ -56,6 +55,8 @@ ExitCode run_bench_solver(const BenchSolverOptions& options) {
   bench.sizes = options.sizes;
   bench.solvers = options.solvers;
   bench.limits = limits_of(options);
+  bench.limits.repeats = options.repeats;
+  bench.rounds = options.rounds;
   Progress progress(options.common.progress, options.common.quiet);
   const SolverBenchResult result = run_solver_bench(bench, [&](const std::string& line) {
     progress.stage(line);

@@ -57,7 +57,6 @@ struct BenchOptions {
   std::filesystem::path json;
   std::filesystem::path markdown;
   int threads = 0;
-  int repeats = 5;
   double limit_seconds = 600.0;
   double limit_gigabytes = 20.0;
   CommonOptions common;
@@ -66,6 +65,8 @@ struct BenchOptions {
 struct BenchSolverOptions : BenchOptions {
   std::vector<std::string> solvers;
   std::vector<int> sizes;
+  int repeats = 5;
+  int rounds = 3;
 };
 
 ExitCode run_inspect(const InspectOptions& options);

@@ -89,9 +89,6 @@ void add_bench_common(CLI::App& verb, BenchOptions& options) {
   verb.add_option("--json", options.json, "Write every number as JSON");
   verb.add_option("--markdown", options.markdown, "Put the tables into this page, between its markers");
   verb.add_option("-j,--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 1024).description(""));
-  verb.add_option("--repeats", options.repeats, "Times each measurement is repeated; medians are shown")
-      ->check(CLI::Range(1, 1000).description(""))
-      ->capture_default_str();
   verb.add_option("--limit-seconds", options.limit_seconds, "Longest a solver may take on one system")
       ->check(CLI::Range(1.0, 86400.0).description(""))
       ->capture_default_str();
@@ -108,6 +105,12 @@ void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
   verb->add_option("--sizes", options.sizes, "Free vertices wanted (within 10 %), with commas between")
       ->delimiter(',')
       ->check(CLI::Range(1000, 20000000).description(""))
+      ->capture_default_str();
+  verb->add_option("--repeats", options.repeats, "Times each measurement is repeated; medians are shown")
+      ->check(CLI::Range(1, 1000).description(""))
+      ->capture_default_str();
+  verb->add_option("--rounds", options.rounds, "Turns every solver takes, with the others in between")
+      ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
   verb->add_option("--solvers", options.solvers, "Only these: sinew, shi2006, cholmod, hypre, trilinos_ml, amgcl, eigen_pcg")
       ->delimiter(',')

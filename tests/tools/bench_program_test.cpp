@@ -41,7 +41,7 @@ TEST(Bench, a_mesh_that_is_not_there_is_exit_4) {
 TEST(Bench, every_solver_found_solves_the_same_system) {
   const fs::path folder = scratch("bench-solver");
   const ProgramRun run =
-      run_sinew({"bench", "solver", "--mesh", "ogre", "--sizes", "25000", "--repeats", "1", "--progress",
+      run_sinew({"bench", "solver", "--mesh", "ogre", "--sizes", "25000", "--repeats", "1", "--rounds", "1", "--progress",
                  "none", "--json", folder / "a.json", "--markdown", folder / "a.md"});
   ASSERT_EQ(run.exit_code, 0) << run.errors;
   const auto root = nlohmann::json::parse(contents(folder / "a.json"));

@@ -4,6 +4,8 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "tools/bench/posed_system.h"
 
@@ -37,6 +39,9 @@ class Peer {
 
   /// Bytes that the prepared solver says it holds; 0 where it does not say.
   virtual std::size_t bytes() const { return 0; }
+
+  /// What else is worth knowing of the prepared solver, measured on demand: name and value.
+  virtual std::vector<std::pair<std::string, double>> figures() { return {}; }
 
   /// For solvers that run in several processes: the largest and the sum of a number over all of them, and
   /// whether this is the one that reports.

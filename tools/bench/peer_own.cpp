@@ -1,5 +1,6 @@
 // The solvers of solver/ as peers: ours, Shi 2006's hierarchy, CHOLMOD and Eigen's conjugate gradients.
-#include <optional>
+#include <algorithm>
+#include <chrono>
 
 #include "solver/cholesky.h"
 #include "solver/conjugate_gradients.h"
@@ -11,6 +12,8 @@ namespace {
 
 /// Conjugate gradients on millions of nodes take hundreds of iterations.
 constexpr int kMostIterations = 5000;
+
+constexpr int kCycleRepeats = 31;
 
 /// Any LinearSolver.
 template <typename Solver>
@@ -53,10 +56,30 @@ class SinewPeer : public OwnPeer<MultigridSolver> {
     return "lattice multigrid, single-precision cycles in double refinement, three columns at once, " +
            std::to_string(team_.thread_count()) + " threads";
   }
+  /// One cycle alone, as a frame asks for it.
+  std::vector<std::pair<std::string, double>> figures() override {
+    const auto workspace = solver_->make_correction_workspace();
+    for (int i = 0; i < posed_->size(); ++i) {
+      workspace->residual[i].head<3>() = posed_->b.row(i).transpose().cast<float>();
+      workspace->residual[i][3] = 0.0f;
+    }
+    return {{"v_cycle_s", median_seconds(Reach::near, *workspace)},
+            {"f_cycle_s", median_seconds(Reach::far, *workspace)}};
+  }
 
  private:
   std::unique_ptr<MultigridSolver> make() override {
     return std::make_unique<MultigridSolver>(posed_->system, MultigridOptions{}, team_);
+  }
+  double median_seconds(Reach reach, CorrectionWorkspace& workspace) const {
+    std::vector<double> seconds(kCycleRepeats);
+    for (double& one : seconds) {
+      const auto start = std::chrono::steady_clock::now();
+      solver_->correct(reach, workspace);
+      one = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
+    std::nth_element(seconds.begin(), seconds.begin() + kCycleRepeats / 2, seconds.end());
+    return seconds[kCycleRepeats / 2];
   }
   ThreadTeam team_;
 };

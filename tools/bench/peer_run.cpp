@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "pipeline/worker_process.h"
+#include "tools/bench/statistics.h"
 
 namespace sinew {
 namespace {
@@ -32,6 +33,7 @@ PeerResult read_result(const std::string& text) {
   result.peak_mb = measured.at("peak_mb");
   result.solver_mb = measured.at("solver_bytes").get<double>() / 1e6;
   result.settings = measured.at("settings");
+  result.figures = measured.at("figures").get<std::map<std::string, double>>();
   for (const json& solve : measured.at("solves")) {
     result.solves.push_back({solve.at("tolerance"), solve.at("seconds"), solve.at("least_seconds"),
                              solve.at("iterations"), solve.at("residual"), solve.at("vertex_error"),
@@ -47,6 +49,28 @@ const PeerSolve* PeerResult::at(double tolerance) const {
     if (solve.tolerance == tolerance) return &solve;
   }
   return nullptr;
+}
+
+PeerResult median_of(const std::vector<PeerResult>& rounds) {
+  PeerResult result = rounds.front();
+  for (const PeerResult& round : rounds) {
+    if (!round.finished()) return round;
+  }
+  const auto middle = [&](const auto& value) {
+    std::vector<double> values;
+    for (const PeerResult& round : rounds) values.push_back(value(round));
+    return median(std::move(values));
+  };
+  result.setup_s = middle([](const PeerResult& round) { return round.setup_s; });
+  result.memory_mb = middle([](const PeerResult& round) { return round.memory_mb; });
+  result.peak_mb = middle([](const PeerResult& round) { return round.peak_mb; });
+  for (std::size_t k = 0; k < result.solves.size(); ++k) {
+    result.solves[k].seconds = middle([&](const PeerResult& round) { return round.solves[k].seconds; });
+  }
+  for (auto& [name, value] : result.figures) {
+    value = middle([&](const PeerResult& round) { return round.figures.at(name); });
+  }
+  return result;
 }
 
 std::vector<std::string> peers_at_hand() {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,8 @@ struct PeerResult {
   double peak_mb = 0.0;    ///< the most it grew by meanwhile
   double solver_mb =
       0.0;  ///< what the solver says the prepared hierarchy or factor holds; 0: it does not say
-  std::vector<PeerSolve> solves;  ///< one a tolerance asked for
+  std::vector<PeerSolve> solves;          ///< one a tolerance asked for
+  std::map<std::string, double> figures;  ///< what else it measured of itself: "v_cycle_s", "f_cycle_s", ...
   std::string settings;
   std::string failure;  ///< "not finished: ..."; empty when all went well
 
@@ -43,6 +45,10 @@ struct PeerLimits {
 /// The solvers that the program sinew-bench-peer beside this one knows. Throws std::runtime_error when it
 /// is not there.
 std::vector<std::string> peers_at_hand();
+
+/// The medians of several rounds of one solver on one system, of which the first is taken for what does not
+/// vary; of rounds that failed, the first.
+PeerResult median_of(const std::vector<PeerResult>& rounds);
 
 /// Runs one of them in a process of its own on the system in `file`.
 PeerResult run_peer(const std::string& solver, const std::filesystem::path& file,

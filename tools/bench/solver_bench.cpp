@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
 
 #include "io/report.h"
@@ -16,6 +17,9 @@ namespace {
 
 /// Of the sample walk: mid-stride, arms and legs apart.
 constexpr int kFrame = 20;
+
+/// A solver that takes longer than this in a round is not asked again.
+constexpr double kLongSeconds = 25.0;
 
 /// A file that is gone when this is.
 class TemporaryFile {
@@ -49,6 +53,29 @@ SystemResult prepare(const Scene& scene, int size, ThreadTeam& team, const std::
   return result;
 }
 
+/// All solvers on the system in `file`. False when `tell` says to stop.
+bool take_turns(const SolverBenchOptions& options, const std::filesystem::path& file, SystemResult& system,
+                const std::function<bool(const std::string&)>& tell) {
+  std::vector<std::vector<PeerResult>> rounds(options.solvers.size());
+  std::vector<bool> again(options.solvers.size(), true);
+  for (int round = 0; round < options.rounds; ++round) {
+    for (std::size_t k = 0; k < options.solvers.size(); ++k) {
+      if (!again[k]) continue;
+      const std::string& solver = options.solvers[k];
+      if (!tell(system.name + ", " + std::to_string(system.free_vertices) + " free vertices: " + solver))
+        return false;
+      const auto start = std::chrono::steady_clock::now();
+      rounds[k].push_back(run_peer(solver, file, {kLooseTolerance, kTightTolerance}, options.limits));
+      const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+      again[k] = took.count() < kLongSeconds && rounds[k].back().finished();
+    }
+  }
+  for (std::size_t k = 0; k < options.solvers.size(); ++k) {
+    system.solvers.emplace_back(options.solvers[k], median_of(rounds[k]));
+  }
+  return true;
+}
+
 }  // namespace
 
 const PeerResult* SystemResult::solver(const std::string& solver_name) const {
@@ -62,14 +89,14 @@ SolverBenchResult run_solver_bench(const SolverBenchOptions& options,
                                    const std::function<bool(const std::string&)>& tell) {
   ThreadTeam team(options.limits.threads);
   ThreadTeam one(1);
-  PeerLimits limits = options.limits;
-  limits.threads = team.thread_count();
+  SolverBenchOptions resolved = options;
+  resolved.limits.threads = team.thread_count();
+  if (resolved.solvers.empty()) resolved.solvers = peers_at_hand();
   SolverBenchResult result;
   result.threads = team.thread_count();
   result.processor = describe_machine(result.threads).processor;
   result.read_bandwidth = read_bandwidth(team);
   result.one_thread_bandwidth = read_bandwidth(one);
-  const std::vector<std::string> solvers = options.solvers.empty() ? peers_at_hand() : options.solvers;
   const TemporaryFile file;
   for (const std::string& mesh : options.meshes) {
     for (const int size : options.sizes) {
@@ -80,13 +107,7 @@ SolverBenchResult run_solver_bench(const SolverBenchOptions& options,
         result.skipped.push_back(reason.what());
         continue;
       }
-      SystemResult& system = result.systems.back();
-      for (const std::string& solver : solvers) {
-        if (!tell(mesh + ", " + std::to_string(system.free_vertices) + " free vertices: " + solver))
-          return result;
-        system.solvers.emplace_back(
-            solver, run_peer(solver, file.path(), {kLooseTolerance, kTightTolerance}, limits));
-      }
+      if (!take_turns(resolved, file.path(), result.systems.back(), tell)) return result;
     }
   }
   return result;

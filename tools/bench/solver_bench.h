@@ -21,6 +21,9 @@ struct SolverBenchOptions {
   std::vector<int> sizes;            ///< free nodes wanted
   std::vector<std::string> solvers;  ///< empty: all that are there
   SceneFolders folders;
+  /// Every solver takes its turn this often, and medians are taken over the rounds: what else the machine
+  /// does comes and goes over minutes. A solver that took long comes once.
+  int rounds = 3;
   PeerLimits limits;
 };
 

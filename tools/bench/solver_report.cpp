@@ -168,6 +168,7 @@ Json solver_record(const PeerResult& peer) {
   record["iterations"] = {{"1e-3", loose->iterations}, {"1e-5", tight->iterations}};
   record["residual"] = {{"1e-3", loose->residual}, {"1e-5", tight->residual}};
   record["vertex_error"] = {{"1e-3", loose->vertex_error}, {"1e-5", tight->vertex_error}};
+  for (const auto& [name, value] : peer.figures) record[name] = value;
   record["settings"] = peer.settings;
   return record;
 }

@@ -1,9 +1,12 @@
 #include "pipeline/volume_graph.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "pipeline/lattice_interior.h"
 #include "pipeline/tetgen_interior.h"
@@ -11,6 +14,14 @@
 
 namespace sinew {
 namespace {
+
+/// A surface edge is short below this share of the mean length of the surface edges at its ends. A
+/// regular triangulation, even one stretched by half, has none.
+constexpr double kShortEdge = 0.4;
+
+/// A node with more neighbors than this, the pole of a fan, shares them with none: that would take the
+/// square of their number of edges.
+constexpr std::size_t kMostShared = 32;
 
 void check_mesh(const TriMesh& mesh) {
   if (mesh.triangles.empty())
@@ -42,8 +53,73 @@ std::vector<Edge> surface_edges(const TriMesh& mesh) {
   return edges;
 }
 
+double length_of(const Field3& positions, const Edge& edge) {
+  return (positions.row(edge.a) - positions.row(edge.b)).norm();
+}
+
+/// The surface edges that are short beside their neighbors, both ways round, sorted.
+std::vector<std::array<int, 2>> short_edges(const Field3& positions, int surface_count,
+                                            const std::vector<Edge>& edges) {
+  const auto on_surface = [&](const Edge& edge) { return std::max(edge.a, edge.b) < surface_count; };
+  std::vector<double> length(surface_count, 0.0);
+  std::vector<int> count(surface_count, 0);
+  for (const Edge& edge : edges) {
+    if (!on_surface(edge)) continue;
+    for (const int vertex : {edge.a, edge.b}) {
+      length[vertex] += length_of(positions, edge);
+      ++count[vertex];
+    }
+  }
+  std::vector<std::array<int, 2>> found;
+  for (const Edge& edge : edges) {
+    if (!on_surface(edge)) continue;
+    const double mean = (length[edge.a] + length[edge.b]) / (count[edge.a] + count[edge.b]);
+    if (length_of(positions, edge) >= kShortEdge * mean) continue;
+    found.push_back({edge.a, edge.b});
+    found.push_back({edge.b, edge.a});
+  }
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
+}
+
+/// Gives the two ends of every short surface edge each other's neighbors.
+///
+/// With weights all alike an edge resists strain by the square of its length. A short one among long
+/// ones gives way first: at a crotch two thighs meet in a seam a few millimeters wide, and all their
+/// motion against each other would stretch it. Two nodes with the same neighbors keep their distance
+/// wherever those turn alike, and the weights stay alike.
+void share_neighbors(const Field3& positions, int surface_count, const Solid& solid,
+                     std::vector<Edge>& edges) {
+  const std::vector<std::array<int, 2>> shorts = short_edges(positions, surface_count, edges);
+  if (shorts.empty()) return;
+  std::vector<char> is_end(positions.rows(), 0);
+  for (const auto& [vertex, other] : shorts) is_end[vertex] = 1;
+  std::vector<std::array<int, 2>> neighbors;
+  for (const Edge& edge : edges) {
+    if (is_end[edge.a]) neighbors.push_back({edge.a, edge.b});
+    if (is_end[edge.b]) neighbors.push_back({edge.b, edge.a});
+  }
+  std::sort(neighbors.begin(), neighbors.end());
+  neighbors.erase(std::unique(neighbors.begin(), neighbors.end()), neighbors.end());
+  for (const auto& [vertex, other] : shorts) {
+    const auto begin = std::lower_bound(neighbors.begin(), neighbors.end(), std::array{other, 0});
+    const auto end = std::lower_bound(begin, neighbors.end(), std::array{other + 1, 0});
+    if (static_cast<std::size_t>(end - begin) > kMostShared) continue;
+    for (auto next = begin; next != end; ++next) {
+      const int neighbor = (*next)[1];
+      if (neighbor == vertex) continue;
+      // Along the surface the short edge leads there; a way into the body must stay in it.
+      const bool inner = neighbor >= surface_count;
+      if (inner && solid.crosses(positions.row(neighbor).transpose(), positions.row(vertex).transpose()))
+        continue;
+      edges.push_back({vertex, neighbor, 1.0});
+    }
+  }
+}
+
 /// Puts the interior behind the surface's own nodes and edges.
-void join(const TriMesh& mesh, InteriorNodes interior, VolumeGraph& volume) {
+void join(const TriMesh& mesh, const Solid& solid, InteriorNodes interior, VolumeGraph& volume) {
   std::vector<Edge> edges = surface_edges(mesh);
   edges.reserve(edges.size() + interior.edges.size());
   edges.insert(edges.end(), interior.edges.begin(), interior.edges.end());
@@ -51,6 +127,7 @@ void join(const TriMesh& mesh, InteriorNodes interior, VolumeGraph& volume) {
   volume.surface_count = mesh.vertex_count();
   volume.rest_positions.resize(mesh.vertex_count() + interior.positions.rows(), 3);
   volume.rest_positions << mesh.positions, interior.positions;
+  share_neighbors(volume.rest_positions, volume.surface_count, solid, edges);
   volume.graph = make_graph(static_cast<int>(volume.rest_positions.rows()), edges);
 }
 
@@ -70,7 +147,7 @@ double mean_interior_edge(const VolumeGraph& volume) {
 bool fill_by_worker(const TriMesh& mesh, const Solid& solid, double spacing,
                     const VolumeGraphOptions& options, VolumeGraph& volume) {
   try {
-    join(mesh, fill_with_tetrahedra(mesh, solid, spacing, options), volume);
+    join(mesh, solid, fill_with_tetrahedra(mesh, solid, spacing, options), volume);
   } catch (const TetgenFailure& failure) {
     volume.warnings.push_back("W_TETGEN_FALLBACK: the tetrahedra worker " + std::string(failure.what()) +
                               "; the lattice fills the body instead");
@@ -83,7 +160,7 @@ bool fill_by_worker(const TriMesh& mesh, const Solid& solid, double spacing,
 
 void fill_by_lattice(const TriMesh& mesh, const Solid& solid, double spacing, ThreadTeam& team,
                      VolumeGraph& volume) {
-  join(mesh, fill_with_lattice(mesh, solid, spacing, team), volume);
+  join(mesh, solid, fill_with_lattice(mesh, solid, spacing, team), volume);
   volume.interior = Interior::lattice;
   volume.spacing = spacing;
   if (volume.node_count() > volume.surface_count) return;
@@ -98,7 +175,7 @@ VolumeGraph build_volume_graph(const TriMesh& mesh, const Solid& solid, const Vo
   check_mesh(mesh);
   VolumeGraph volume;
   if (options.interior == Interior::none) {
-    join(mesh, {}, volume);
+    join(mesh, solid, {}, volume);
     return volume;
   }
   const double spacing = lattice_spacing(mesh, solid, options, team);

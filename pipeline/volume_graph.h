@@ -51,6 +51,9 @@ struct VolumeGraph {
 ///
 /// No edge to or among interior nodes leaves the body, and an interior node that no surface vertex
 /// reaches is dropped: the graph is connected as the surface is, save where parts share an inside.
+/// The two ends of a surface edge shorter than 0.4 of the mean of those round it get each other's
+/// neighbors, so that a narrow seam between two limbs does not take up all their motion against each
+/// other; two surface vertices so joined may have that short edge's width of outside between them.
 /// When tetrahedra cannot be had the lattice takes their place, with the warning W_TETGEN_FALLBACK;
 /// W_NO_INTERIOR says that no lattice node fits. Linear in the number of nodes.
 ///

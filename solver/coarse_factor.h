@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "solver/lanes.h"
@@ -19,6 +20,7 @@ class CoarseFactor {
 
   int size() const { return static_cast<int>(inverse_pivots_.size()); }
   std::size_t bytes() const;
+  std::int64_t entries() const { return static_cast<std::int64_t>(values_.size()); }  ///< below the diagonal
 
   /// x = A^-1 b; `scratch` holds size() rows. b and x may be the same.
   template <int kWidth>

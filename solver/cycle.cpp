@@ -12,11 +12,38 @@ constexpr int kCorners = 8;
 constexpr int kPiecesPerBlock = 512;
 constexpr int kRowsPerBlock = 2048;
 
-/// Sweeps that stand in for a direct solve when the last level is too large to factor.
-constexpr int kLastLevelSweeps = 20;
+// Rows of kFewest to kMost entries are summed without a loop: the numbers past the row's end are replaced by
+// that of the spare row, which is zero. Nearly all rows of a volume graph are such (14 neighbors inside),
+// and a loop whose length changes from row to row costs a wrong guess of the processor in every fourth of
+// them: a sixth of a sweep.
+constexpr int kFewest = 6;
+constexpr int kMost = 14;
+typedef int EightPlaces __attribute__((vector_size(32), may_alias, aligned(4)));
+
+template <int kWidth>
+inline typename Lanes<kWidth>::Float short_row_sum(const int* row, int count, int spare,
+                                                   const typename Lanes<kWidth>::Float* x) {
+  const EightPlaces after = {6, 7, 8, 9, 10, 11, 12, 13};
+  const EightPlaces at =
+      after < count ? *reinterpret_cast<const EightPlaces*>(row + kFewest) : EightPlaces{} + spare;
+  typename Lanes<kWidth>::Float even = x[row[0]], odd = x[row[1]];
+  even += x[row[2]];
+  odd += x[row[3]];
+  even += x[row[4]];
+  odd += x[row[5]];
+  even += x[at[0]];
+  odd += x[at[1]];
+  even += x[at[2]];
+  odd += x[at[3]];
+  even += x[at[4]];
+  odd += x[at[5]];
+  even += x[at[6]];
+  odd += x[at[7]];
+  return even + odd;
+}
 
 // Sum of the weighted neighbors of node i. Uniform weights are not even stored. Two running sums, so
-// that an addition need not wait for the one before it.
+// that an addition need not wait for the one before it. x has a spare row of zeros behind the nodes.
 template <int kWidth, bool kUniform>
 inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
                                                   const typename Lanes<kWidth>::Float* x, int i) {
@@ -26,6 +53,9 @@ inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
   int k = A.offsets[i];
   const int end = A.offsets[i + 1];
   if constexpr (kUniform) {
+    const bool is_short = end - k >= kFewest && end - k <= kMost;
+    if (is_short && k + kMost <= static_cast<int>(A.neighbors.size()))
+      return short_row_sum<kWidth>(neighbors + k, end - k, A.size(), x) * A.uniform_weight;
     for (; k + 1 < end; k += 2) {
       even += x[neighbors[k]];
       odd += x[neighbors[k + 1]];
@@ -157,6 +187,14 @@ void residual_rows(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
 
 }  // namespace
 
+bool finished_by_smoothing(const Hierarchy::Members& hierarchy, int level) {
+  return level == 0 && hierarchy.transfers[level].pieces && hierarchy.transfers[level].pieces->linear;
+}
+
+int sweeps_on_level(const Hierarchy::Members& hierarchy, int level, int sweeps) {
+  return level > 0 && hierarchy.transfers[level - 1].pieces ? (sweeps + 1) / 2 : sweeps;
+}
+
 CycleMemory::CycleMemory(const Hierarchy::Members& hierarchy, int width) {
   const std::size_t row_bytes = static_cast<std::size_t>(width) * sizeof(float);
   for (std::size_t level = 0; level < hierarchy.matrices.size(); ++level) {
@@ -189,20 +227,25 @@ void Cycle<kWidth>::full_cycle() {
   solve_last_level();
   for (int level = last_level() - 1; level >= 0; --level) {
     interpolate(level);
-    improve(level);
+    if (finished_by_smoothing(hierarchy_, level)) {
+      smooth_forward(level, kFinishingSweeps);
+      smooth_backward(level, kFinishingSweeps);
+    } else {
+      improve(level);
+    }
   }
 }
 
 template <int kWidth>
 void Cycle<kWidth>::improve(int level) {
-  smooth_forward(level);
+  smooth_forward(level, sweeps_on_level(hierarchy_, level, sweeps_));
   restrict_residual(level);
   if (level + 1 == last_level())
     solve_last_level();
   else
     improve(level + 1);
   correct(level);
-  smooth_backward(level);
+  smooth_backward(level, sweeps_on_level(hierarchy_, level, sweeps_));
 }
 
 template <int kWidth>
@@ -211,8 +254,8 @@ void Cycle<kWidth>::solve_last_level() {
   if (hierarchy_.bottom) return hierarchy_.bottom->template solve<kWidth>(b(level), x(level), scratch(level));
   clear(level);
   for (int sweep = 0; sweep < kLastLevelSweeps; ++sweep) {
-    smooth_forward(level);
-    smooth_backward(level);
+    smooth_forward(level, 1);
+    smooth_backward(level, 1);
   }
 }
 
@@ -235,20 +278,20 @@ void Cycle<kWidth>::sweep_parity(int level, int parity, const Sweep& sweep) {
 }
 
 template <int kWidth>
-void Cycle<kWidth>::smooth_forward(int level) {
+void Cycle<kWidth>::smooth_forward(int level, int count) {
   const auto sweep =
       hierarchy_.matrices[level].weights.empty() ? sweep_forward<kWidth, true> : sweep_forward<kWidth, false>;
-  for (int k = 0; k < sweeps_; ++k) {
+  for (int k = 0; k < count; ++k) {
     sweep_parity(level, 0, sweep);
     sweep_parity(level, 1, sweep);
   }
 }
 
 template <int kWidth>
-void Cycle<kWidth>::smooth_backward(int level) {
+void Cycle<kWidth>::smooth_backward(int level, int count) {
   const auto sweep = hierarchy_.matrices[level].weights.empty() ? sweep_backward<kWidth, true>
                                                                 : sweep_backward<kWidth, false>;
-  for (int k = 0; k < sweeps_; ++k) {
+  for (int k = 0; k < count; ++k) {
     sweep_parity(level, 1, sweep);
     sweep_parity(level, 0, sweep);
   }

@@ -9,6 +9,21 @@
 /// Internal to solver/: one multigrid cycle in single precision.
 namespace sinew {
 
+/// Sweeps that stand in for a direct solve when the last level is too large to factor: forward, and as many
+/// backward.
+constexpr int kLastLevelSweeps = 20;
+
+/// Sweeps forward, and as many backward, that finish full multigrid where finished_by_smoothing.
+constexpr int kFinishingSweeps = 3;
+
+/// Whether full multigrid merely smooths `level`: the finest one, when it is reached by linear interpolation.
+bool finished_by_smoothing(const Hierarchy::Members& hierarchy, int level);
+
+/// Sweeps before and after the coarse correction of `level` when the finest level has `sweeps`: half as many
+/// where the matrix is a Galerkin product, whose coarse corrections are good enough to be worth little
+/// polish.
+int sweeps_on_level(const Hierarchy::Members& hierarchy, int level, int sweeps);
+
 /// Arrays of one cycle, for up to `width` right-hand sides at once.
 struct CycleMemory {
   CycleMemory(const Hierarchy::Members& hierarchy, int width);
@@ -37,7 +52,9 @@ class Cycle {
 
   /// solution ~ A^-1 right_hand_side, from zero.
   void v_cycle();
-  /// The same by full multigrid: the coarsest level first, one V-cycle on each finer one.
+  /// The same by full multigrid: the coarsest level first, one V-cycle on each finer one. A level
+  /// that is finished_by_smoothing gets no V-cycle [Bornemann, Deuflhard 1996]: the coarse answer is already
+  /// the best one of its kind, and what is left is rough.
   void full_cycle();
 
   /// The steps full multigrid is made of.
@@ -52,8 +69,8 @@ class Cycle {
   int last_level() const { return static_cast<int>(hierarchy_.matrices.size()) - 1; }
 
   void clear(int level);
-  void smooth_forward(int level);
-  void smooth_backward(int level);
+  void smooth_forward(int level, int count);
+  void smooth_backward(int level, int count);
   template <typename Sweep>
   void sweep_parity(int level, int parity, const Sweep& sweep);
 

@@ -44,6 +44,7 @@ struct PieceTransfer {
   std::vector<int> uses;
 
   int coarse_count = 0;
+  bool linear = false;  ///< linear functions of the positions are interpolated exactly
 
   int piece_count() const { return static_cast<int>(piece_offsets.size()) - 1; }
   std::size_t bytes() const;

@@ -212,6 +212,7 @@ PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& posi
 
   PieceCoarsening result;
   PieceTransfer& transfer = result.transfer;
+  transfer.linear = true;
   group_nodes(pieces.of_node, static_cast<int>(pieces.cells.size()), transfer);
   transfer.places.reserve(3 * static_cast<std::size_t>(n));
   for (int node : transfer.nodes)

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
@@ -42,6 +43,12 @@ class SolverWorkspace {
 enum class Reach {
   near,  ///< what is wrong lies near by: one V-cycle
   far    ///< what is wrong is smooth over the whole body: one cycle of full multigrid
+};
+
+/// What a step takes, counted rather than measured: the same on every machine and in every run.
+struct CycleCost {
+  std::int64_t bytes = 0;       ///< read and written when every pass finds nothing in a cache
+  std::int64_t operations = 0;  ///< floating-point additions and multiplications
 };
 
 /// Memory of one thread of corrections, in rows of x, y, z and a zero. Made by the solver it serves.

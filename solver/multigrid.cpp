@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "solver/cycle.h"
+#include "solver/cycle_cost.h"
 #include "solver/edge_descent.h"
 #include "solver/hierarchy_levels.h"
 #include "solver/solve_checks.h"
@@ -17,6 +18,9 @@ namespace sinew {
 namespace {
 
 constexpr int kRowsPerBlock = 4096;
+
+/// Numbers a loop over the nodes may sum up.
+constexpr int kSums = 3;
 
 // The finest matrix in double, on the index arrays of the hierarchy's finest level.
 struct FineSystem {
@@ -32,9 +36,10 @@ struct MultigridWorkspace : SolverWorkspace {
     const int n = made_for.members().matrices.front().size();
     const auto row = static_cast<std::size_t>(lanes_for(column_count));
     residual = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
-    direction = AlignedMemory((static_cast<std::size_t>(n) + 1) * row * sizeof(float));
+    direction = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(float));
     image = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
-    block_sums = AlignedMemory(static_cast<std::size_t>(even_block_count(n, kRowsPerBlock)) * 2 * row *
+    new_image = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
+    block_sums = AlignedMemory(static_cast<std::size_t>(even_block_count(n, kRowsPerBlock)) * kSums * row *
                                sizeof(double));
   }
   const Hierarchy* hierarchy;
@@ -43,6 +48,7 @@ struct MultigridWorkspace : SolverWorkspace {
   AlignedMemory residual;   // n rows, double
   AlignedMemory direction;  // n rows, single
   AlignedMemory image;      // A direction: n rows, double
+  AlignedMemory new_image;  // A times the last cycle's answer: n rows, double
   AlignedMemory block_sums;
 
   // For solve_edge_targets.
@@ -88,6 +94,7 @@ class GroupSolve {
         residual_(workspace.residual.as<Double>()),
         direction_(workspace.direction.as<Float>()),
         image_(workspace.image.as<Double>()),
+        new_image_(workspace.new_image.as<Double>()),
         block_sums_(workspace.block_sums.as<Double>()) {}
 
   SolveReport run(const SolveOptions& options) {
@@ -100,37 +107,38 @@ class GroupSolve {
     SolveReport report;
     report.residual = worst_residual();
     while (report.residual > options.tolerance && report.cycles < options.max_cycles) {
-      if (report.cycles == 0 && (options.from_zero || options.full_first_cycle))
+      const bool full = report.cycles == 0 && (options.from_zero || options.full_first_cycle);
+      if (full)
         first_cycle(cycle_);
       else
         cycle_.v_cycle();
-      if (options_.conjugate_gradients)
-        step_along_direction(report.cycles == 0);
-      else
+      // Full multigrid hits the right length by itself, and a step of conjugate gradients costs two passes.
+      if (full || !options_.conjugate_gradients)
         add_correction();
+      else
+        step_along_direction();
       ++report.cycles;
       report.residual = worst_residual();
     }
+    if (x_is_unset_) clear_x();
     report.converged = report.residual <= options.tolerance;
     if (report.cycles > 0) report.largest_change = largest_change();
     return report;
   }
 
  private:
-  // Runs body(begin, end, sums) over fixed blocks of nodes, each with two sums of its own, and adds
-  // the sums up in the order of the blocks.
+  // Runs body(begin, end, sums) over fixed blocks of nodes, each with sums of its own, and adds the sums
+  // up in the order of the blocks.
   template <typename Body>
-  std::array<Double, 2> sum_over_nodes(const Body& body) {
+  std::array<Double, kSums> sum_over_nodes(const Body& body) {
     team_.for_each_block(blocks_, [&](int block) {
-      Double* const sums = block_sums_ + 2 * block;
-      sums[0] = sums[1] = Double{};
+      std::array<Double, kSums> sums{};
       body(even_block_begin(n_, blocks_, block), even_block_begin(n_, blocks_, block + 1), sums);
+      std::copy(sums.begin(), sums.end(), block_sums_ + kSums * block);
     });
-    std::array<Double, 2> total{};
-    for (int block = 0; block < blocks_; ++block) {
-      total[0] += block_sums_[2 * block];
-      total[1] += block_sums_[2 * block + 1];
-    }
+    std::array<Double, kSums> total{};
+    for (int block = 0; block < blocks_; ++block)
+      for (int k = 0; k < kSums; ++k) total[k] += block_sums_[kSums * block + k];
     return total;
   }
 
@@ -164,34 +172,39 @@ class GroupSolve {
   Double apply_row(int i, const At& at) const {
     const Double own = at(i);
     Double sum{};
-    const int end = structure_.offsets[i + 1];
+    const int begin = structure_.offsets[i], end = structure_.offsets[i + 1];
     if (system_.weights.empty()) {
-      for (int k = structure_.offsets[i]; k < end; ++k) sum += own - at(structure_.neighbors[k]);
+      for (int k = begin; k < end; ++k) sum += own - at(structure_.neighbors[k]);
       sum *= system_.uniform_weight;
     } else {
-      for (int k = structure_.offsets[i]; k < end; ++k)
-        sum += system_.weights[k] * (own - at(structure_.neighbors[k]));
+      for (int k = begin; k < end; ++k) sum += system_.weights[k] * (own - at(structure_.neighbors[k]));
     }
     return sum + system_.anchor[i] * own;
   }
 
+  // From zero the residual is b and x is not read: neither is written before the first correction.
   void begin(bool from_zero) {
-    const auto sums = sum_over_nodes([&](int begin, int end, Double* partial) {
+    x_is_unset_ = from_zero;
+    const auto sums = sum_over_nodes([&](int begin, int end, auto& partial) {
       for (int i = begin; i < end; ++i) {
         const Double b = load(b_ + i * b_stride_);
         partial[0] += b * b;
-        Double r = b;
-        if (from_zero)
-          store(Double{}, x_row(i));
-        else
-          r -= apply_row(i, [&](int j) { return load(x_row(j)); });
+        if (from_zero) {
+          cycle_.right_hand_side()[i] = __builtin_convertvector(b, Float);
+          continue;
+        }
+        const Double r = b - apply_row(i, [&](int j) { return load(x_row(j)); });
         partial[1] += r * r;
         keep_residual(i, r);
       }
     });
     size_ = sums[0];
-    residual_size_ = sums[1];
-    forget_zero_columns();
+    residual_size_ = from_zero ? sums[0] : sums[1];
+    if (!from_zero) forget_zero_columns();
+  }
+
+  void clear_x() {
+    for (int i = 0; i < n_; ++i) store(Double{}, x_row(i));
   }
 
   // A x = 0 has the answer 0; no residual could be measured against it.
@@ -222,7 +235,7 @@ class GroupSolve {
   // Of the step just taken. The last vector a step moves along is still there, so the maximum can wait
   // until it is asked for.
   double largest_change() {
-    const Float* const moved = options_.conjugate_gradients ? direction_ : cycle_.solution();
+    const Float* const moved = has_direction_ ? direction_ : cycle_.solution();
     team_.for_each_block(blocks_, [&](int block) {
       Double largest{};
       const int end = even_block_begin(n_, blocks_, block + 1);
@@ -230,72 +243,86 @@ class GroupSolve {
         const Double size = __builtin_convertvector(moved[i] < 0 ? -moved[i] : moved[i], Double);
         largest = size > largest ? size : largest;
       }
-      block_sums_[2 * block] = largest;
+      block_sums_[kSums * block] = largest;
     });
     double largest = 0;
     for (int block = 0; block < blocks_; ++block)
       for (int c = 0; c < width_; ++c)
-        largest = std::max(
-            largest, block_sums_[2 * block][c] * std::abs(options_.conjugate_gradients ? step_[c] : 1.0));
+        largest =
+            std::max(largest, block_sums_[kSums * block][c] * std::abs(has_direction_ ? step_[c] : 1.0));
     return largest;
   }
 
   // x += e, r -= A e.
   void add_correction() {
     const Float* const e = cycle_.solution();
-    residual_size_ = sum_over_nodes([&](int begin, int end, Double* partial) {
+    const bool fresh = x_is_unset_;
+    residual_size_ = sum_over_nodes([&](int begin, int end, auto& partial) {
       for (int i = begin; i < end; ++i) {
-        const Double r =
-            residual_[i] - apply_row(i, [&](int j) { return __builtin_convertvector(e[j], Double); });
-        store(load(x_row(i)) + __builtin_convertvector(e[i], Double), x_row(i));
+        const Double image = apply_row(i, [&](int j) { return __builtin_convertvector(e[j], Double); });
+        const Double own = __builtin_convertvector(e[i], Double);
+        const Double r = (fresh ? load(b_ + i * b_stride_) : residual_[i]) - image;
+        store(fresh ? own : load(x_row(i)) + own, x_row(i));
         partial[0] += r * r;
         keep_residual(i, r);
       }
     })[0];
+    x_is_unset_ = false;
   }
 
-  // One step of conjugate gradients: the correction, made A-orthogonal to the last direction, with the
-  // length that leaves the smallest error in the energy norm.
-  void step_along_direction(bool first) {
-    turn_direction(first);
-    const Float* const p = direction_;
-    const auto products = sum_over_nodes([&](int begin, int end, Double* partial) {
-      for (int i = begin; i < end; ++i) {
-        const Double Ap = apply_row(i, [&](int j) { return __builtin_convertvector(p[j], Double); });
-        const Double own = __builtin_convertvector(p[i], Double);
-        image_[i] = Ap;
-        partial[0] += own * Ap;
-        partial[1] += own * residual_[i];
-      }
-    });
-    energy_ = products[0];
-    for (int c = 0; c < width_; ++c) step_[c] = energy_[c] > 0 ? products[1][c] / energy_[c] : 0.0;
-    const Double step = step_;
-    residual_size_ = sum_over_nodes([&](int begin, int end, Double* partial) {
-      for (int i = begin; i < end; ++i) {
-        store(load(x_row(i)) + step * __builtin_convertvector(p[i], Double), x_row(i));
-        const Double r = residual_[i] - step * image_[i];
-        partial[0] += r * r;
-        keep_residual(i, r);
-      }
-    })[0];
-  }
-
-  void turn_direction(bool first) {
+  // One step of conjugate gradients: the cycle's answer z, made A-orthogonal to the last direction p, with
+  // the length that leaves the smallest error in the energy norm. A is linear, so A times the new direction
+  // z + share p needs no pass of its own: one pass forms A z and all products, another moves everything.
+  void step_along_direction() {
+    if (!has_direction_) forget_direction();
     const Float* const z = cycle_.solution();
-    Float share{};
-    if (!first) {
-      const Double overlap = sum_over_nodes([&](int begin, int end, Double* partial) {
-        for (int i = begin; i < end; ++i) partial[0] += __builtin_convertvector(z[i], Double) * image_[i];
-      })[0];
-      for (int c = 0; c < width_; ++c)
-        share[c] = energy_[c] > 0 ? static_cast<float>(-overlap[c] / energy_[c]) : 0.0f;
-    }
-    team_.for_each_block(blocks_, [&](int block) {
-      const int end = even_block_begin(n_, blocks_, block + 1);
-      for (int i = even_block_begin(n_, blocks_, block); i < end; ++i)
-        direction_[i] = first ? z[i] : z[i] + share * direction_[i];
+    const auto products = sum_over_nodes([&](int begin, int end, auto& partial) {
+      for (int i = begin; i < end; ++i) {
+        const Double Az = apply_row(i, [&](int j) { return __builtin_convertvector(z[j], Double); });
+        const Double own = __builtin_convertvector(z[i], Double);
+        new_image_[i] = Az;
+        partial[0] += own * Az;
+        partial[1] += own * residual_[i];
+        partial[2] += own * image_[i];
+      }
     });
+    Float share{};
+    for (int c = 0; c < width_; ++c) {
+      share[c] = energy_[c] > 0 ? static_cast<float>(-products[2][c] / energy_[c]) : 0.0f;
+      const double exact = share[c];
+      // The residual is orthogonal to p since the step along it.
+      energy_[c] = products[0][c] + 2 * exact * products[2][c] + exact * exact * energy_[c];
+      step_[c] = energy_[c] > 0 ? products[1][c] / energy_[c] : 0.0;
+    }
+    move_along(z, share);
+  }
+
+  void forget_direction() {
+    has_direction_ = true;
+    energy_ = Double{};
+    team_.for_each_block(blocks_, [&](int block) {
+      const int begin = even_block_begin(n_, blocks_, block), end = even_block_begin(n_, blocks_, block + 1);
+      std::fill(direction_ + begin, direction_ + end, Float{});
+      std::fill(image_ + begin, image_ + end, Double{});
+    });
+  }
+
+  // p <- z + share p, x += step p, r -= step A p.
+  void move_along(const Float* z, const Float& share) {
+    const Double step = step_, exact_share = __builtin_convertvector(share, Double);
+    residual_size_ = sum_over_nodes([&](int begin, int end, auto& partial) {
+      for (int i = begin; i < end; ++i) {
+        const Double p = __builtin_convertvector(z[i], Double) +
+                         exact_share * __builtin_convertvector(direction_[i], Double);
+        const Double Ap = new_image_[i] + exact_share * image_[i];
+        direction_[i] = __builtin_convertvector(p, Float);
+        image_[i] = Ap;
+        store(load(x_row(i)) + step * p, x_row(i));
+        const Double r = residual_[i] - step * Ap;
+        partial[0] += r * r;
+        keep_residual(i, r);
+      }
+    })[0];
   }
 
   const FineSystem& system_;
@@ -311,8 +338,11 @@ class GroupSolve {
   Double* residual_;
   Float* direction_;
   Double* image_;
+  Double* new_image_;
   Double* block_sums_;
   Double size_{}, residual_size_{}, energy_{}, step_{};
+  bool x_is_unset_ = false;
+  bool has_direction_ = false;
 };
 
 FineSystem fine_system(const LinearSystem& system) {
@@ -426,6 +456,10 @@ int MultigridSolver::correct(Reach reach, CorrectionWorkspace& workspace) const 
                  own->memory);
   reach == Reach::far ? cycle.full_cycle() : cycle.v_cycle();
   return 1;
+}
+
+CycleCost MultigridSolver::correction_cost(Reach reach) const {
+  return cycle_cost(members_->hierarchy.members(), members_->options.smoothing_sweeps, reach);
 }
 
 std::unique_ptr<SolverWorkspace> MultigridSolver::make_edge_workspace() const {

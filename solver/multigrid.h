@@ -13,7 +13,8 @@ namespace sinew {
 
 struct MultigridOptions {
   HierarchyOptions hierarchy = {};  ///< which coarse levels, and how small the last one is
-  int smoothing_sweeps = 2;         ///< Gauss-Seidel sweeps before and after each coarse correction
+  int smoothing_sweeps =
+      2;  ///< Gauss-Seidel sweeps before and after each coarse correction; Galerkin levels take half
   bool conjugate_gradients = true;  ///< each cycle preconditions one step of flexible CG
 };
 
@@ -30,6 +31,8 @@ class MultigridSolver : public LinearSolver {
                     SolverWorkspace& workspace) const override;
   std::unique_ptr<CorrectionWorkspace> make_correction_workspace() const override;
   int correct(Reach reach, CorrectionWorkspace& workspace) const override;
+  /// What one correct() of that reach takes.
+  CycleCost correction_cost(Reach reach) const;
 
   /// Memory for solve_edge_targets, and for `solve` with up to three columns.
   std::unique_ptr<SolverWorkspace> make_edge_workspace() const;

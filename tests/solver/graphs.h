@@ -6,6 +6,8 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "solver/laplacian.h"
@@ -70,6 +72,85 @@ inline Body star(int arms, int length) {
       if (k + 1 == length) body.pinned[own] = 1;
     }
   body.graph = make_graph(n, edges);
+  return body;
+}
+
+/// A binary tree of `levels` levels, pinned at the root and at every 32nd leaf; a child is half as far from
+/// its parent as that from its own, so that the twigs crowd.
+inline Body tree(int levels) {
+  Body body;
+  std::vector<Edge> edges;
+  const int n = (1 << levels) - 1;
+  body.positions.setZero(n, 3);
+  body.pinned.assign(static_cast<std::size_t>(n), 0);
+  body.pinned[0] = 1;
+  for (int leaf = n / 2; leaf < n; leaf += 32) body.pinned[leaf] = 1;
+  for (int node = 1; node < n; ++node) {
+    const int parent = (node - 1) / 2, depth = static_cast<int>(std::log2(node + 1));
+    edges.push_back({parent, node, 1.0});
+    body.positions.row(node) = body.positions.row(parent);
+    body.positions(node, depth % 3) += (node % 2 == 0 ? 1 : -1) * std::pow(0.7, depth);
+  }
+  body.graph = make_graph(n, edges);
+  return body;
+}
+
+/// A path of `teeth` nodes, one apart, each with a path of `length` nodes hanging from it; the first is
+/// pinned.
+inline Body comb(int teeth, int length) {
+  Body body;
+  std::vector<Edge> edges;
+  const int n = teeth * (1 + length);
+  body.positions.setZero(n, 3);
+  body.pinned.assign(static_cast<std::size_t>(n), 0);
+  body.pinned[0] = 1;
+  for (int tooth = 0; tooth < teeth; ++tooth)
+    for (int k = 0; k <= length; ++k) {
+      const int node = tooth * (1 + length) + k;
+      body.positions.row(node) << tooth, k, 0.01 * k * k;
+      if (k > 0)
+        edges.push_back({node - 1, node, 1.0});
+      else if (tooth > 0)
+        edges.push_back({node - 1 - length, node, 1.0});
+    }
+  body.graph = make_graph(n, edges);
+  return body;
+}
+
+/// One node joined to `arms` others that are joined to nothing else, the last and every tenth of them pinned.
+inline Body hub(int arms) {
+  Body body;
+  std::vector<Edge> edges;
+  body.positions.setZero(arms + 1, 3);
+  body.pinned.assign(static_cast<std::size_t>(arms) + 1, 0);
+  for (int arm = 1; arm <= arms; ++arm) {
+    edges.push_back({0, arm, 1.0});
+    body.positions.row(arm) << std::cos(arm), std::sin(arm), std::cos(1.7 * arm);
+    body.pinned[arm] = arm % 10 == 0 || arm == arms ? 1 : 0;
+  }
+  body.graph = make_graph(arms + 1, edges);
+  return body;
+}
+
+/// `count` copies of `part` on a cubic grid, apart by less than its size, that share nothing.
+inline Body scattered(const Body& part, int count) {
+  Body body;
+  std::vector<Edge> edges;
+  const int size = part.graph.node_count();
+  const int side = static_cast<int>(std::ceil(std::cbrt(count)));
+  const Eigen::RowVector3d step =
+      0.6 * (part.positions.colwise().maxCoeff() - part.positions.colwise().minCoeff()) +
+      Eigen::RowVector3d::Constant(0.1);
+  body.positions.resize(count * size, 3);
+  for (int copy = 0; copy < count; ++copy) {
+    const Eigen::RowVector3d place(copy % side, copy / side % side, copy / side / side);
+    body.positions.middleRows(copy * size, size) = part.positions.rowwise() + place.cwiseProduct(step);
+    body.pinned.insert(body.pinned.end(), part.pinned.begin(), part.pinned.end());
+    for (int i = 0; i < size; ++i)
+      for (int j : part.graph.neighbors_of(i))
+        if (i < j) edges.push_back({copy * size + i, copy * size + j, 1.0});
+  }
+  body.graph = make_graph(count * size, edges);
   return body;
 }
 
@@ -217,6 +298,29 @@ inline Body bcc_dumbbell(int about) {
 }
 inline Body bcc_ball(int about) {
   return bcc_body(ball, about, far_out);
+}
+
+/// Shapes that are no volumes: thin, branching, in pieces, bare surfaces.
+/// Held at one end, a chain of n nodes has a condition number near n^2: longer ribbons than these are beyond
+/// single precision.
+inline std::vector<std::pair<std::string, Body>> awkward_bodies() {
+  Body small_comb = comb(100, 30);
+  small_comb.positions *= 0.05;
+  return {{"chain", path(30000)},
+          {"ribbon", sheet(500, 2)},
+          {"narrow band", sheet(500, 12)},
+          {"bare surface", sheet(200, 200)},
+          {"star of chains", star(60, 500)},
+          {"hub", hub(20000)},
+          {"tree", tree(14)},
+          {"comb", comb(300, 60)},
+          {"pairs", scattered(path(3), 8000)},
+          {"short chains", scattered(path(9), 3000)},
+          {"small sheets", scattered(sheet(5, 5), 900)},
+          {"small balls", scattered(bcc_ball(150), 150)},
+          {"single nodes", scattered(path(2), 20000)},
+          {"surface and crumbs", beside(sheet(150, 150), scattered(path(3), 6000))},
+          {"body and comb", beside(bcc_figure(20000), small_comb)}};
 }
 
 /// A body bent: the equations of its free nodes, and for every edge the vector it wants.

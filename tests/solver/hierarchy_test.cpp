@@ -107,6 +107,22 @@ TEST(Hierarchy, coarsens_by_more_than_five_and_stays_small) {
   EXPECT_LT(bytes, static_cast<std::size_t>(levels[0].nodes) * 250);
 }
 
+TEST(Hierarchy, shrinks_whatever_the_shape) {
+  for (const auto& [name, body] : graphs::awkward_bodies()) {
+    const Hierarchy hierarchy = hierarchy_of(body, {});
+    const std::vector<LevelSummary> levels = hierarchy.levels();
+    std::int64_t coarse_entries = 0;
+    for (std::size_t level = 1; level < levels.size(); ++level) {
+      coarse_entries += levels[level].nodes + levels[level].entries;
+      EXPECT_LE(levels[level].nodes, 0.7 * levels[level - 1].nodes) << name << '\n' << hierarchy;
+    }
+    // A volume graph has 15 entries a node; all coarse levels of a chain together have somewhat more.
+    EXPECT_LE(coarse_entries, 25 * static_cast<std::int64_t>(levels[0].nodes)) << name << '\n' << hierarchy;
+    EXPECT_TRUE(levels.back().nodes <= 2000 || levels.back().entries == 0) << name << '\n' << hierarchy;
+    EXPECT_TRUE(hierarchy.members().bottom) << name;
+  }
+}
+
 TEST(Hierarchy, prints_its_levels) {
   std::ostringstream out;
   out << hierarchy_of(graphs::path(12), {});

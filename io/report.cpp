@@ -19,9 +19,14 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// Measuring the residual is no part of a frame's work.
 double total(const FrameReport& report) {
   double sum = 0.0;
-  for (const double milliseconds : report.milliseconds) sum += milliseconds;
+  for (int stage = 0; stage < kFrameStageCount; ++stage) {
+    if (static_cast<FrameStage>(stage) != FrameStage::measure) {
+      sum += report.milliseconds[static_cast<std::size_t>(stage)];
+    }
+  }
   return sum;
 }
 
@@ -52,6 +57,10 @@ std::vector<double> volume_ratios(const Report& report) {
 
 double lowest(const std::vector<double>& values) {
   return values.empty() ? 0.0 : *std::ranges::min_element(values);
+}
+
+double worst_error(const Report& report) {
+  return spread_of(collect(report, [](const FrameRecord& frame) { return frame.report.error; })).max;
 }
 
 double worst_residual(const Report& report) {
@@ -124,6 +133,7 @@ Json summary_json(const Report& report) {
           {"frames_per_second", frames_per_second(report)},
           {"ms", stages},
           {"cycles", json_of(cycle_spread(report))},
+          {"worst_error", worst_error(report)},
           {"worst_residual", worst_residual(report)},
           {"unconverged_frames", unconverged_frames(report)},
           {"volume_ratio", {{"min", lowest(volumes)}, {"median", volume.median}, {"max", volume.max}}},
@@ -152,6 +162,7 @@ Json frame_json(const FrameRecord& frame) {
   return {{"frame", frame.frame},
           {"solves", frame.report.solves},
           {"cycles", frame.report.cycles},
+          {"error", frame.report.error},
           {"residual", frame.report.residual},
           {"converged", frame.report.converged},
           {"ms", milliseconds},
@@ -180,8 +191,10 @@ void print_frames(std::ostream& out, const Report& report) {
     print_milliseconds(out, stage_name(static_cast<FrameStage>(stage)), stage_spread(report, stage));
   const Spread cycles = cycle_spread(report);
   out << line(
-      "solver   cycles median %.0f, max %.0f; worst residual %.1e; %zu frames short of the tolerance\n",
-      cycles.median, cycles.max, worst_residual(report), unconverged_frames(report).size());
+      "solver   cycles median %.0f, max %.0f; largest error %.1e of the diagonal (estimate); %zu frames "
+      "short of the "
+      "tolerance\n",
+      cycles.median, cycles.max, worst_error(report), unconverged_frames(report).size());
   const std::vector<double> volumes = volume_ratios(report);
   const Spread volume = spread_of(volumes);
   out << line("volume   %.1f %% to %.1f %% of rest, median %.1f %%\n", 100.0 * lowest(volumes),

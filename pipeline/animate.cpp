@@ -15,7 +15,8 @@ namespace {
 
 void check_options(const Motion& motion, const AnimateOptions& options, int last_frame) {
   if (options.chunk < 1) {
-    throw std::invalid_argument("animate: chunk is " + std::to_string(options.chunk) + "; expected 1 or more");
+    throw std::invalid_argument("animate: chunk is " + std::to_string(options.chunk) +
+                                "; expected 1 or more");
   }
   if (options.first_frame < 0 || options.first_frame > last_frame || last_frame >= motion.frame_count()) {
     throw std::invalid_argument("animate: frames " + std::to_string(options.first_frame) + " to " +
@@ -40,33 +41,6 @@ void check_pose(const Rig& rig, const Motion& motion, int frame) {
                         rig.skeleton.joints[joint].name + "' has a value that is not a finite number");
   }
 }
-
-/// The last few answers of a chunk, newest first, and the next frame foretold from them.
-class Prediction {
- public:
-  explicit Prediction(int node_count) {
-    for (Field3& frame : recent_) frame.resize(node_count, 3);
-  }
-  void forget() { known_ = 0; }
-  bool empty() const { return known_ == 0; }
-
-  void remember(const Field3& positions) {
-    std::rotate(recent_.begin(), recent_.end() - 1, recent_.end());
-    recent_.front() = positions;
-    known_ = std::min(known_ + 1, static_cast<int>(recent_.size()));
-  }
-
-  /// The polynomial through the known frames, one frame further: quadratic from the third frame on.
-  void foretell(Field3& positions) const {
-    if (known_ == 1) positions = recent_[0];
-    if (known_ == 2) positions = 2.0 * recent_[0] - recent_[1];
-    if (known_ == 3) positions = 3.0 * recent_[0] - 3.0 * recent_[1] + recent_[2];
-  }
-
- private:
-  std::array<Field3, 3> recent_;
-  int known_ = 0;
-};
 
 /// Pieces of straight line between joints, and the rig's tips, wherever the pose takes them.
 class MovingSkeleton {
@@ -113,7 +87,8 @@ class MovingSkeleton {
   static double squared_distance(const Segment& segment, const Eigen::Vector3d& point) {
     const Eigen::Vector3d direction = segment.to - segment.from;
     const double length = direction.squaredNorm();
-    const double along = length > 0.0 ? std::clamp((point - segment.from).dot(direction) / length, 0.0, 1.0) : 0.0;
+    const double along =
+        length > 0.0 ? std::clamp((point - segment.from).dot(direction) / length, 0.0, 1.0) : 0.0;
     return (point - segment.from - along * direction).squaredNorm();
   }
 
@@ -144,26 +119,24 @@ void animate(const Rig& rig, const Motion& motion, const AnimateOptions& options
   check_options(motion, options, last_frame);
   FrameSolver solver(rig, options.frame, team);
   MovingSkeleton skeleton(rig);
-  Prediction prediction(rig.volume.node_count());
-  Field3 positions = rig.volume.rest_positions;
+  Field3 positions(rig.mesh.vertex_count(), 3);
   const double rest_volume = enclosed_volume(rig.mesh, rig.mesh.positions);
   const double height = rest_height(rig);
   const int chunk_start = options.first_frame / options.chunk * options.chunk;
   for (int frame = chunk_start; frame <= last_frame; ++frame) {
     check_pose(rig, motion, frame);
-    if (frame % options.chunk == 0) prediction.forget();
+    if (frame % options.chunk == 0) solver.forget();
     FrameResult result;
     result.frame = frame;
-    prediction.foretell(positions);
-    result.report = prediction.empty() ? solver.solve_afresh(motion.poses[frame], positions)
-                                       : solver.solve(motion.poses[frame], positions);
-    prediction.remember(positions);
+    result.report = solver.solve(motion.poses[frame]);
     if (frame < options.first_frame) continue;
+    solver.read_positions(positions);
     result.positions = &positions;
     if (rest_volume != 0.0) {
-      result.volume_ratio = enclosed_volume(rig.mesh, positions.topRows(rig.mesh.vertex_count())) / rest_volume;
+      result.volume_ratio = enclosed_volume(rig.mesh, positions) / rest_volume;
     }
-    if (height > 0.0) result.farthest_from_skeleton = skeleton.farthest_vertex(motion.poses[frame], positions) / height;
+    if (height > 0.0)
+      result.farthest_from_skeleton = skeleton.farthest_vertex(motion.poses[frame], positions) / height;
     if (!sink(result)) return;
   }
 }

@@ -20,7 +20,7 @@ struct AnimateOptions {
   int first_frame = 0;  ///< of the motion, 0-based
   int last_frame = -1;  ///< inclusive; -1: the last one
   /// Frames are solved in chunks whose starts are multiples of this many frames of the *motion*; a
-  /// chunk starts from the rest shape, each later frame from the one before. So a frame's bytes
+  /// chunk starts from nothing, each later frame from the ones before. So a frame's bytes
   /// depend on this number and on the motion, not on threads or on first_frame.
   int chunk = 64;
 };
@@ -28,7 +28,7 @@ struct AnimateOptions {
 /// One finished frame, handed out in order.
 struct FrameResult {
   int frame = 0;                       ///< of the motion
-  const Field3* positions = nullptr;   ///< node_count x 3; surface vertices first
+  const Field3* positions = nullptr;   ///< vertex_count x 3, in the order of Rig::mesh
   FrameReport report;
   double volume_ratio = 1.0;           ///< enclosed volume over the rest one
   double farthest_from_skeleton = 0.0; ///< of any vertex, as a share of the rest body's height

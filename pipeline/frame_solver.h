@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <memory>
 
 #include "pipeline/rig.h"
@@ -8,59 +9,77 @@
 
 namespace sinew {
 
+/// Where the first solve of a frame begins.
+enum class Start {
+  automatic,  ///< the polynomial in time, of degree 0 to 2, that would have done best one frame ago
+  zero,       ///< nothing of earlier frames: every frame is solved from its pose alone
+  previous,   ///< the frame before
+  linear,     ///< extrapolated from the last two frames
+  quadratic   ///< extrapolated from the last three
+};
+
 /// What a frame does with a rig. A rig is built for one form (binding_options()); a frame of the other
 /// form on it is allowed and stands between the two.
 struct FrameOptions {
   Deform deform = Deform::refined;
-  SolveOptions solve;          ///< tolerance of each solve
-  int local_global = 2;        ///< refined: iterations after the first solve
-  double volume_gain = 0.7;    ///< refined: gamma of the volume scale, 0 switches it off
+  /// Estimated largest error of any node, as a share of the rest box's diagonal. Positions are kept in single
+  /// precision: what lies below 1e-6 is not asked for.
+  double tolerance = 1e-4;
+  int max_cycles = 20;  ///< per solve; stopping here is an outcome (FrameReport::converged), not an exception
+  Start start = Start::automatic;
+  int local_global = 2;           ///< refined: iterations after the first solve
+  double volume_gain = 0.7;       ///< refined: gamma of the volume scale, 0 switches it off
+  bool measure_residual = false;  ///< one more pass over the edges after the last solve
 };
 
-enum class FrameStage { rotations, right_hand_side, solve, local, count_ };
+enum class FrameStage { start, rotations, residual, solve, local, measure, count_ };
 constexpr int kFrameStageCount = static_cast<int>(FrameStage::count_);
-/// "rotations", "right_hand_side", "solve", "local".
+/// "start", "rotations", "residual", "solve", "local", "measure".
 const char* stage_name(FrameStage stage);
 
 /// What one frame took and how good it is.
 struct FrameReport {
   int solves = 0;
   int cycles = 0;          ///< over all solves of the frame
-  double residual = 0.0;   ///< of the last solve
-  bool converged = false;  ///< every solve reached its tolerance
+  double error = 0.0;      ///< estimated largest error of any node, of the worst solve, share of the diagonal
+  double residual = 0.0;   ///< |b - A x| / |b| of the last solve, if measured
+  bool converged = false;  ///< every solve reached the tolerance
   std::array<double, kFrameStageCount> milliseconds{};
 };
 
-/// Turns a pose into positions. Owns the scratch memory of one thread: solve() allocates nothing.
-/// The rig and the team are borrowed.
+/// Turns poses into positions, one after the other. Owns the scratch memory of one thread and the frames
+/// before: solve() allocates nothing. The rig and the team are borrowed.
 ///
 /// First pass: rotations blended from the harmonic fields. Second pass, [Shi et al. 2006, eq. 11]:
 ///
 ///     sum_j w(i,j) (x_i - x_j - d_ji) = 0,   d_ji = 1/2 (s_i R_i + s_j R_j) (x0_i - x0_j)
 ///
-/// over the free nodes, constrained ones moved to the left side. Where the pose scales joints, s is
-/// the blend of their scales by the same harmonic weights: the scalar Laplace problem of the paper
-/// has the same matrix and boundary, so it has the same answer. Refined: after that solve, each
-/// iteration takes the rotation that fits each free node's neighborhood best (rotations in bone
-/// cylinders stay), multiplies s by J^(-gamma/3), J the local volume ratio, within 1/1.3 to 1.3 of the
-/// pose's scale, and solves again with the same matrix.
+/// over the free nodes. Where the pose scales joints, s is the blend of their scales by the same harmonic
+/// weights: the scalar Laplace problem of the paper has the same matrix and boundary, so it has the same
+/// answer. Refined: after that solve, each iteration takes the rotation that fits each free node's
+/// neighborhood best (rotations in bone cylinders stay), multiplies s by J^(-gamma/3), J the local volume
+/// ratio, within 1/1.3 to 1.3 of the pose's scale, and solves again with the same matrix.
 ///
-/// Positions are taken relative to the skeleton's first joint, so residuals do not depend on where the
-/// body stands.
+/// Each solve is iterative refinement: the left side of the equation, evaluated at the start edge by edge,
+/// goes to the solver, and what comes back is added, until the estimated error is below the tolerance.
 class FrameSolver {
  public:
   FrameSolver(const Rig& rig, const FrameOptions& options, ThreadTeam& team);
   ~FrameSolver();
   FrameSolver(FrameSolver&&) noexcept;
 
-  /// `positions`: node_count x 3, the first guess on entry and the answer on return. Constrained
-  /// nodes end exactly where the pose puts them. `pose` must be continuous with its neighbours in
-  /// time (make_continuous()); the answer depends on `pose` and on the guess, on nothing else.
-  FrameReport solve(const Pose& pose, Field3& positions);
+  /// Solves the next frame. Constrained nodes end exactly where the pose puts them. `pose` must be
+  /// continuous with its neighbors in time (make_continuous()); the answer depends on `pose` and the
+  /// poses since forget(), on nothing else. Throws std::invalid_argument for a pose of another skeleton.
+  FrameReport solve(const Pose& pose);
 
-  /// The same without a guess: the first solve starts from zero with full multigrid, so the answer
-  /// depends on `pose` alone.
-  FrameReport solve_afresh(const Pose& pose, Field3& positions);
+  /// The next frame is solved as if it were the first.
+  void forget();
+
+  /// Positions of the first `positions.rows()` nodes: surface vertices come first.
+  void read_positions(Eigen::Ref<Field3> positions) const;
+
+  std::size_t bytes() const;
 
  private:
   struct Members;

@@ -9,6 +9,8 @@ namespace {
 
 /// Far below what single precision keeps of a correction that is added to positions.
 constexpr double kCorrectionTolerance = 1e-6;
+/// Errors are up to 23 times as large, relatively, as residuals.
+constexpr double kErrorLeft = 23 * kCorrectionTolerance;
 constexpr int kMostCorrectionCycles = 2000;
 
 struct SolvedCorrection : CorrectionWorkspace {
@@ -32,7 +34,7 @@ std::unique_ptr<CorrectionWorkspace> LinearSolver::make_correction_workspace() c
   return made;
 }
 
-int LinearSolver::correct(Reach, CorrectionWorkspace& workspace) const {
+CorrectionReport LinearSolver::correct(Reach, CorrectionWorkspace& workspace) const {
   auto* const own = dynamic_cast<SolvedCorrection*>(&workspace);
   if (own == nullptr || own->solver != this) refuse_correction_workspace(name());
   for (int i = 0; i < size(); ++i) own->b.row(i) = own->residual_rows[i].head<3>().cast<double>().transpose();
@@ -41,7 +43,7 @@ int LinearSolver::correct(Reach, CorrectionWorkspace& workspace) const {
   const SolveReport report = solve(own->b, own->x, options, *own->workspace);
   for (int i = 0; i < size(); ++i)
     own->correction_rows[i].head<3>() = own->x.row(i).transpose().cast<float>();
-  return report.cycles;
+  return {report.cycles, kErrorLeft};
 }
 
 }  // namespace sinew

@@ -59,6 +59,12 @@ class CorrectionWorkspace {
   std::span<const Eigen::Vector4f> correction;  ///< n rows to add to x: what correct() answers
 };
 
+/// What a correction was worth.
+struct CorrectionReport {
+  int cycles = 0;         ///< as SolveReport::cycles
+  double error_left = 0;  ///< estimate: the largest error of any node left, as a share of the largest correction
+};
+
 /// The one interface all solvers stand behind: prepared once for a matrix, asked every frame.
 class LinearSolver {
  public:
@@ -78,10 +84,10 @@ class LinearSolver {
 
   /// One step of iterative refinement on three columns: correction ~ A^-1 residual, in single precision. For
   /// callers that know the residual better than `solve` can, as edge by edge differences that never form b.
-  /// Multigrid runs one cycle of the wanted reach; solvers without cycles solve to 1e-5 and better. Returns
-  /// the number of cycles (SolveReport::cycles). Allocates nothing; the answer does not depend on the number
-  /// of threads. Throws std::invalid_argument when the workspace was made by another solver.
-  virtual int correct(Reach reach, CorrectionWorkspace& workspace) const;
+  /// Multigrid runs one cycle of the wanted reach; solvers without cycles solve to 1e-6. Allocates nothing; the
+  /// answer does not depend on the number of threads. Throws std::invalid_argument when the workspace was made by
+  /// another solver.
+  virtual CorrectionReport correct(Reach reach, CorrectionWorkspace& workspace) const;
 
   virtual std::string name() const = 0;
   virtual int size() const = 0;           ///< n

@@ -22,6 +22,9 @@ constexpr int kRowsPerBlock = 4096;
 /// Numbers a loop over the nodes may sum up.
 constexpr int kSums = 3;
 
+constexpr double kErrorLeftFar = 0.05;
+constexpr double kErrorLeftNear = 0.5;
+
 // The finest matrix in double, on the index arrays of the hierarchy's finest level.
 struct FineSystem {
   const LevelMatrix* structure = nullptr;
@@ -448,14 +451,14 @@ std::unique_ptr<CorrectionWorkspace> MultigridSolver::make_correction_workspace(
   return std::make_unique<CorrectionCycle>(members_->hierarchy);
 }
 
-int MultigridSolver::correct(Reach reach, CorrectionWorkspace& workspace) const {
+CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& workspace) const {
   auto* const own = dynamic_cast<CorrectionCycle*>(&workspace);
   if (own == nullptr || own->hierarchy != &members_->hierarchy)
     refuse_correction_workspace("MultigridSolver");
   Cycle<4> cycle(members_->hierarchy.members(), members_->options.smoothing_sweeps, members_->team,
                  own->memory);
   reach == Reach::far ? cycle.full_cycle() : cycle.v_cycle();
-  return 1;
+  return {1, reach == Reach::far ? kErrorLeftFar : kErrorLeftNear};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

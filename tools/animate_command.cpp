@@ -227,7 +227,8 @@ class FrameSink {
 AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRange& frames) {
   AnimateOptions result;
   result.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
-  result.frame.solve.tolerance = options.tolerance;
+  result.frame.tolerance = options.tolerance;
+  result.frame.measure_residual = !options.report.empty();
   result.first_frame = frames.first;
   result.last_frame = frames.last;
   return result;

@@ -41,7 +41,7 @@ struct AnimateCommandOptions {
   std::string hierarchy = "lattice";
   std::string deform = "refined";
   std::string format = "pca";
-  double tolerance = 1e-3;
+  double tolerance = 1e-4;
   double gltf_tolerance = 1e-3;
   int threads = 0;
   bool in_place = false;

@@ -37,7 +37,8 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
   CLI::App* verb = app.add_subcommand("animate", "Animate a mesh with a motion capture clip");
   verb->add_option("MESH", options.mesh, "Mesh: obj, ply, off, stl, gltf or glb")->required();
   verb->add_option("CLIP", options.clip, "Motion: bvh, gltf or glb (default: the mesh file's own animation)");
-  verb->add_option("-o,--output", options.output, "File to write: .glb, or .obj with #### for the frame number")
+  verb->add_option("-o,--output", options.output,
+                   "File to write: .glb, or .obj with #### for the frame number")
       ->required();
   verb->add_flag("-y,--yes", yes, "Overwrite the output");
   verb->add_flag("-n,--no", no, "Never overwrite");
@@ -51,7 +52,8 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
       ->check(one_of({"lattice", "tetgen", "none"}));
   verb->add_option("--density", options.density, "Interior nodes per surface vertex (default: from the mesh)")
       ->check(CLI::Range(0.01, 1000.0).description(""));
-  verb->add_option("--spacing", options.spacing, "Spacing of the interior lattice in mesh units, instead of --density")
+  verb->add_option("--spacing", options.spacing,
+                   "Spacing of the interior lattice in mesh units, instead of --density")
       ->check(CLI::PositiveNumber.description(""));
   verb->add_option("--deform", options.deform, "refined, or paper for Shi 2006 as published")
       ->check(one_of({"refined", "paper"}));
@@ -59,15 +61,19 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
       ->check(one_of({"multigrid", "cholesky", "pcg"}));
   verb->add_option("--hierarchy", options.hierarchy, "Of the multigrid: lattice or shi2006")
       ->check(one_of({"lattice", "shi2006"}));
-  verb->add_option("--tolerance", options.tolerance, "Relative residual at which a solve stops")
+  verb->add_option("--tolerance", options.tolerance,
+                   "Largest error of any vertex, as a share of the body's diagonal, estimated")
       ->check(CLI::Range(1e-14, 1.0).description(""))
       ->capture_default_str();
-  verb->add_option("--format", options.format, "pca (few morph targets), exact (one per frame) or obj (a file per frame)")
+  verb->add_option("--format", options.format,
+                   "pca (few morph targets), exact (one per frame) or obj (a file per frame)")
       ->check(one_of({"pca", "exact", "obj"}));
-  verb->add_option("--gltf-tolerance", options.gltf_tolerance, "pca: error allowed, as a share of the body's diagonal")
+  verb->add_option("--gltf-tolerance", options.gltf_tolerance,
+                   "pca: error allowed, as a share of the body's diagonal")
       ->check(CLI::Range(1e-7, 0.5).description(""))
       ->capture_default_str();
-  verb->add_option("-j,--threads", options.threads, "Threads (default: all); the result is the same for any number")
+  verb->add_option("-j,--threads", options.threads,
+                   "Threads (default: all); the result is the same for any number")
       ->check(CLI::Range(1, 1024).description(""));
   verb->add_option("--report", options.report, "Write timings and solver figures as JSON");
   add_common(*verb, options.common);

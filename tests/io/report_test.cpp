@@ -63,6 +63,7 @@ Report sample_report() {
     record.report.cycles = 3 + frame;
     record.report.solves = 2;
     record.report.residual = 1e-4 * frame;
+    record.report.error = 1e-5 * frame;
     record.report.converged = frame != 2;
     record.report.milliseconds.fill(1.0 + frame);
     report.frames.push_back(record);
@@ -86,12 +87,13 @@ TEST(Report, says_in_json_what_was_measured) {
   EXPECT_EQ(json["sizes"]["free_nodes"], 20);
   EXPECT_EQ(json["frames"].size(), 4U);
   EXPECT_EQ(json["frames"][3]["cycles"], 6);
-  EXPECT_EQ(json["frames"][3]["ms"]["total"], 4.0 * kFrameStageCount);
-  EXPECT_EQ(json["summary"]["ms"]["total"]["max"], 4.0 * kFrameStageCount);
+  EXPECT_EQ(json["frames"][3]["ms"]["total"], 4.0 * (kFrameStageCount - 1));
+  EXPECT_EQ(json["summary"]["ms"]["total"]["max"], 4.0 * (kFrameStageCount - 1));
   EXPECT_EQ(json["summary"]["ms"]["solve"]["median"], 2.0);
   EXPECT_EQ(json["summary"]["unconverged_frames"], std::vector<int>{2});
   EXPECT_DOUBLE_EQ(json["summary"]["worst_residual"].get<double>(), 3e-4);
   EXPECT_DOUBLE_EQ(json["summary"]["volume_ratio"]["min"].get<double>(), 0.97);
+  EXPECT_DOUBLE_EQ(json["summary"]["worst_error"].get<double>(), 3e-5);
   EXPECT_EQ(json["summary"]["frames_per_second"], 200.0);
   EXPECT_EQ(json["output"]["bytes"], 5'000'000);
 }

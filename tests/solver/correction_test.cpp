@@ -31,7 +31,7 @@ void refine(const LinearSolver& solver, const graphs::Problem& problem, int step
     residual(problem.system, problem.b, x, r);
     for (Eigen::Index i = 0; i < r.rows(); ++i)
       workspace->residual[i] << r.row(i).transpose().cast<float>(), 0.0f;
-    EXPECT_GE(solver.correct(step == 0 ? Reach::far : Reach::near, *workspace), 0);
+    EXPECT_GE(solver.correct(step == 0 ? Reach::far : Reach::near, *workspace).cycles, 0);
     for (Eigen::Index i = 0; i < r.rows(); ++i)
       x.row(i) += workspace->correction[i].head<3>().cast<double>().transpose();
   }

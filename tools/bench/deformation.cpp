@@ -106,7 +106,8 @@ class Deformer {
   Deformer(Way way, const Rig& rig, const BenchOptions& options, ThreadTeam& team) : way_(way), rig_(rig) {
     FrameOptions frame;
     frame.deform = way == Way::paper ? Deform::paper : Deform::refined;
-    frame.solve.tolerance = 1e-6;
+    frame.tolerance = 1e-6;
+    frame.start = Start::zero;
     frame.volume_gain = options.volume_gain;
     frame.local_global = options.local_global;
     solver_ = std::make_unique<FrameSolver>(rig, frame, team);
@@ -114,7 +115,8 @@ class Deformer {
   void deform(const Pose& pose, Field3& positions) {
     if (way_ == Way::linear_skinning) return linear_blend_skinning(rig_, pose, positions);
     if (way_ == Way::dual_quaternions) return dual_quaternion_skinning(rig_, pose, positions);
-    solver_->solve_afresh(pose, positions);
+    solver_->solve(pose);
+    solver_->read_positions(positions);
   }
 
  private:

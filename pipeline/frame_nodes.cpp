@@ -1,0 +1,187 @@
+#include "pipeline/frame_nodes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace sinew {
+namespace {
+
+/// A neighborhood flatter than this share of an even one has no volume to speak of.
+constexpr double kFlat = 1e-3;
+
+/// Links, three rows or so, by which the passes over the edges tell the caches what they will want: the
+/// records of a large body do not fit the second level. As many entries behind the last link make that safe.
+constexpr int kAhead = 48;
+
+typedef float Vector8 __attribute__((vector_size(32), may_alias));
+typedef float Vector16 __attribute__((vector_size(64), may_alias));
+
+Eigen::Vector4f with_zero(const Eigen::Vector3d& vector) {
+  Eigen::Vector4f four = Eigen::Vector4f::Zero();
+  four.head<3>() = vector.cast<float>();
+  return four;
+}
+
+inline const Vector16& as_vector(const NodeRecord& record) {
+  return reinterpret_cast<const Vector16&>(record);
+}
+inline const Vector8& as_vector(const NodePlace& place) {
+  return reinterpret_cast<const Vector8&>(place);
+}
+
+/// Rest coordinate k in all of column k; the last four are the rest's own zero.
+inline Vector16 spread_rest(const Vector16& v) {
+  return __builtin_shufflevector(v, v, 12, 12, 12, 12, 13, 13, 13, 13, 14, 14, 14, 14, 15, 15, 15, 15);
+}
+
+inline Eigen::Vector4f sum_of_columns(const Vector16& v) {
+  return {v[0] + v[4] + v[8], v[1] + v[5] + v[9], v[2] + v[6] + v[10], 0.0f};
+}
+
+/// The fourth numbers of the columns.
+inline Eigen::Vector4f positions_of(const Vector16& v) {
+  return {v[3], v[7], v[11], 0.0f};
+}
+
+/// sum_j w 1/2 (s_i R_i + s_j R_j) (x0_i - x0_j), and sum_j w (x_i - x_j).
+struct RowSums {
+  Eigen::Vector4f wanted;
+  Eigen::Vector4f found;
+};
+
+/// All differences of an edge are one subtraction: the record of one end minus that of the other.
+template <bool kUniform>
+inline RowSums row_sums(const FrameNodes& nodes, int slot) {
+  const Vector16 own = as_vector(nodes.records[slot]);
+  Vector16 differences{};
+  Vector16 turned{};
+  const int end = nodes.offsets[slot + 1];
+  for (int k = nodes.offsets[slot]; k < end; ++k) {
+    __builtin_prefetch(&nodes.records[nodes.neighbors[k + kAhead]]);
+    const Vector16& other = as_vector(nodes.records[nodes.neighbors[k]]);
+    Vector16 difference = own - other;
+    if constexpr (!kUniform) difference *= nodes.weights[k];
+    differences += difference;
+    turned += spread_rest(difference) * other;
+  }
+  turned += spread_rest(differences) * own;
+  return {0.5f * sum_of_columns(turned), positions_of(differences)};
+}
+
+template <bool kUniform>
+void residuals(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
+  for (int slot = first; slot < end; ++slot) {
+    const RowSums sums = row_sums<kUniform>(nodes, slot);
+    residual[slot] = sums.wanted - sums.found;
+  }
+}
+
+template <bool kUniform>
+void sum_row_edges(const FrameNodes& nodes, int slot, int lane, FitBatch& batch) {
+  const Vector8 own = as_vector(nodes.places[slot]);
+  Vector16 sum{};  // entry 4 * column + row
+  const int end = nodes.offsets[slot + 1];
+  for (int k = nodes.offsets[slot]; k < end; ++k) {
+    __builtin_prefetch(&nodes.places[nodes.neighbors[k + kAhead]]);
+    const Vector8 edge = own - as_vector(nodes.places[nodes.neighbors[k]]);
+    const Vector16 rest = __builtin_shufflevector(edge, edge, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+    Vector16 now = __builtin_shufflevector(edge, edge, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7);
+    if constexpr (!kUniform) now *= nodes.weights[k];
+    sum += rest * now;
+  }
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) batch.sum[3 * row + column][lane] = sum[4 * column + row];
+  }
+}
+
+}  // namespace
+
+FrameNodes::FrameNodes(const Rig& rig) {
+  number_slots(rig);
+  place_at_rest(rig);
+  copy_neighborhoods(rig);
+}
+
+void FrameNodes::number_slots(const Rig& rig) {
+  free_count = static_cast<int>(rig.node_of_free.size());
+  slot_count = rig.volume.node_count();
+  node_of_slot = rig.node_of_free;
+  for (int node = 0; node < slot_count; ++node) {
+    if (rig.free_of_node[node] < 0) node_of_slot.push_back(node);
+  }
+  slot_of_node.resize(slot_count);
+  for (int slot = 0; slot < slot_count; ++slot) slot_of_node[node_of_slot[slot]] = slot;
+}
+
+void FrameNodes::place_at_rest(const Rig& rig) {
+  Eigen::AlignedBox3d box;
+  for (int node = 0; node < slot_count; ++node) box.extend(rig.volume.rest_positions.row(node).transpose());
+  if (slot_count > 0 && box.diagonal().norm() > 0.0) diagonal = box.diagonal().norm();
+  records.resize(slot_count);
+  places.resize(slot_count);
+  for (int slot = 0; slot < slot_count; ++slot) {
+    const Eigen::Vector3d rest = rig.volume.rest_positions.row(node_of_slot[slot]).transpose();
+    for (Eigen::Vector4f& column : records[slot].column) column.setZero();
+    records[slot].rest = with_zero((rest - box.center()) / diagonal);
+    places[slot] = {records[slot].rest, records[slot].rest};
+  }
+}
+
+void FrameNodes::copy_neighborhoods(const Rig& rig) {
+  const Graph& graph = rig.volume.graph;
+  const bool uniform =
+      std::all_of(graph.weights.begin(), graph.weights.end(), [](double w) { return w == 1.0; });
+  std::vector<std::pair<int, double>> around;
+  offsets.push_back(0);
+  for (int slot = 0; slot < free_count; ++slot) {
+    const int node = node_of_slot[slot];
+    around.clear();
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (int k = graph.offsets[node]; k < graph.offsets[node + 1]; ++k) {
+      around.emplace_back(slot_of_node[graph.neighbors[k]], graph.weights[k]);
+      const Eigen::Vector3d edge =
+          (records[slot].rest - records[around.back().first].rest).head<3>().cast<double>();
+      spread += graph.weights[k] * edge * edge.transpose();
+    }
+    std::sort(around.begin(), around.end());
+    for (const auto& [neighbor, weight] : around) {
+      neighbors.push_back(neighbor);
+      if (!uniform) weights.push_back(static_cast<float>(weight));
+    }
+    offsets.push_back(static_cast<int>(neighbors.size()));
+    const double determinant = spread.determinant();
+    const double even = std::pow(spread.trace() / 3.0, 3);
+    inverse_rest_determinants.push_back(determinant > kFlat * even ? static_cast<float>(1.0 / determinant)
+                                                                   : 0.0f);
+  }
+}
+
+void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
+  nodes.weights.empty() ? residuals<true>(nodes, first, end, residual)
+                        : residuals<false>(nodes, first, end, residual);
+}
+
+SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
+  SystemSize size;
+  for (int slot = first; slot < end; ++slot) {
+    const RowSums sums = nodes.weights.empty() ? row_sums<true>(nodes, slot) : row_sums<false>(nodes, slot);
+    size.residual += (sums.wanted - sums.found).cast<double>().squaredNorm();
+    Eigen::Vector4d b = sums.wanted.cast<double>();
+    for (int k = nodes.offsets[slot + 1] - 1; k >= nodes.offsets[slot]; --k) {
+      const int neighbor = nodes.neighbors[k];
+      if (neighbor < nodes.free_count) break;
+      const double weight = nodes.weights.empty() ? 1.0 : static_cast<double>(nodes.weights[k]);
+      b += weight * positions_of(as_vector(nodes.records[neighbor])).cast<double>();
+    }
+    size.right_hand_side += b.squaredNorm();
+  }
+  return size;
+}
+
+void sum_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch) {
+  const auto sum = nodes.weights.empty() ? sum_row_edges<true> : sum_row_edges<false>;
+  for (int lane = 0; lane < count; ++lane) sum(nodes, first + lane, lane, batch);
+}
+
+}  // namespace sinew

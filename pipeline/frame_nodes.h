@@ -1,0 +1,76 @@
+#pragma once
+
+#include <vector>
+
+#include "pipeline/local_step.h"
+#include "pipeline/rig.h"
+
+/// Internal to pipeline/: the graph as a frame walks it, and the two passes over its edges.
+namespace sinew {
+
+/// What an edge needs of a node for the right-hand side and the residual: one cache line.
+struct alignas(64) NodeRecord {
+  /// Columns of scale times rotation; the fourth number of column k is coordinate k of the node's position
+  /// now.
+  Eigen::Vector4f column[3];
+  Eigen::Vector4f rest;  ///< rest position, then 0
+};
+
+/// What an edge needs of a node for the local step.
+struct alignas(32) NodePlace {
+  Eigen::Vector4f rest;  ///< rest position, then 0
+  Eigen::Vector4f now;   ///< position now, then 0
+};
+
+/// Nodes renumbered into slots: the free ones in the solver's order, then the constrained ones.
+///
+/// Positions are shares of the rest box's diagonal: at rest from the box's middle, now from the pose's first
+/// joint. Edges are handled in single precision as differences of such positions: both ends of an edge see
+/// the same difference, so rounding bends the rest shape by 6e-8 of the diagonal and no more.
+struct FrameNodes {
+  explicit FrameNodes(const Rig& rig);
+
+  void set_position(int slot, const Eigen::Vector4f& now) {
+    for (int axis = 0; axis < 3; ++axis) records[slot].column[axis][3] = now[axis];
+  }
+
+  double diagonal = 1.0;
+  int free_count = 0;
+  int slot_count = 0;
+  std::vector<int> node_of_slot;
+  std::vector<int> slot_of_node;
+  std::vector<int> offsets;                      ///< per free slot, into neighbors and weights
+  std::vector<int> neighbors;                    ///< slots, ascending: the held ones last
+  std::vector<float> weights;                    ///< empty where all are one
+  std::vector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
+  std::vector<NodeRecord> records;
+  std::vector<NodePlace> places;
+
+ private:
+  void number_slots(const Rig& rig);
+  void place_at_rest(const Rig& rig);
+  void copy_neighborhoods(const Rig& rig);
+};
+
+/// For free slots [first, end), with the rotations, scales and positions of the records:
+///
+///     residual_i = sum_j w(i,j) [1/2 (s_i R_i + s_j R_j) (x0_i - x0_j) - (x_i - x_j)]
+///
+/// [Shi et al. 2006, eq. 11] with everything on one side: differences first, so that rounding is measured in
+/// edge lengths, not in the size of the body.
+void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual);
+
+/// Sums of squares over free slots.
+struct SystemSize {
+  double residual = 0.0;
+  double right_hand_side = 0.0;
+};
+
+/// Of the residual and of the right-hand side it belongs to, held neighbors moved to that side.
+SystemSize measure_rows(const FrameNodes& nodes, int first, int end);
+
+/// Fills the lanes [0, count) of the batch with the sums over the edges of slots first, first + 1, ...: w e'
+/// e^T, e' the edge by places now.
+void sum_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch);
+
+}  // namespace sinew

@@ -115,7 +115,7 @@ TEST(Report, prints_a_short_table) {
   table << sample_report();
   const std::string text = table.str();
   EXPECT_NE(text.find("frames   4 in 0.02 s, 200.0 a second, 2 threads"), std::string::npos) << text;
-  EXPECT_NE(text.find("worst residual 3.0e-04; 1 frames short of the tolerance"), std::string::npos) << text;
+  EXPECT_NE(text.find("largest error 3.0e-05 of the diagonal (estimate); 1 frames short of the tolerance"), std::string::npos) << text;
   EXPECT_NE(text.find("volume   97.0 % to 100.0 % of rest"), std::string::npos) << text;
   for (const char c : text) EXPECT_TRUE(c == '\n' || (c >= ' ' && c < 127));
 }

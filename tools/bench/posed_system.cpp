@@ -34,8 +34,9 @@ Field3 constrained_positions(const Rig& rig, const Pose& pose, ThreadTeam& team)
   FrameOptions options;
   options.deform = Deform::paper;
   FrameSolver solver(rig, options, team);
-  Field3 positions = rig.volume.rest_positions;
-  solver.solve_afresh(pose, positions);
+  solver.solve(pose);
+  Field3 positions(rig.volume.node_count(), 3);
+  solver.read_positions(positions);
   return positions;
 }
 

@@ -53,7 +53,7 @@ struct AnimateCommandOptions {
 struct BenchOptions {
   std::vector<std::string> meshes;  ///< empty: all that are there
   std::filesystem::path data;       ///< folder of the named meshes; empty: the sample alone
-  std::filesystem::path rigs;       ///< folder of their rig files; empty: where this was built from
+  std::filesystem::path samples;    ///< folder of the sample and the rig files; empty: where this was built from
   std::filesystem::path json;
   std::filesystem::path markdown;
   int threads = 0;
@@ -69,8 +69,21 @@ struct BenchSolverOptions : BenchOptions {
   int rounds = 3;
 };
 
+struct BenchFramesOptions : BenchOptions {
+  std::filesystem::path clip;  ///< empty: the sample's walk
+  std::string frames;
+  std::string deform = "refined";
+  int size = 500000;
+  int repeats = 9;
+  bool cholesky = true;
+  std::filesystem::path save;
+  std::filesystem::path against;
+  double max_slowdown = 1.15;
+};
+
 ExitCode run_inspect(const InspectOptions& options);
 ExitCode run_animate(const AnimateCommandOptions& options);
 ExitCode run_bench_solver(const BenchSolverOptions& options);
+ExitCode run_bench_frames(const BenchFramesOptions& options);
 
 }  // namespace sinew

@@ -89,9 +89,9 @@ void add_bench_common(CLI::App& verb, BenchOptions& options) {
   verb.add_option("--mesh", options.meshes, "Body: ogre, armadillo, armadillo_loop2, human_man, camel, koala (default: all)")
       ->delimiter(',')
       ->check(one_of({"ogre", "armadillo", "armadillo_loop2", "human_man", "camel", "koala"}));
-  verb.add_option("--data", options.data, "Folder of the meshes (all but the ogre, which is made on the spot)")
+  verb.add_option("--data", options.data, "Folder of the meshes (all but the ogre, which is a sample)")
       ->envname("SINEW_SHARED_DATA");
-  verb.add_option("--rigs", options.rigs, "Folder of their rig files (default: samples/rigs of the source)");
+  verb.add_option("--samples", options.samples, "Folder of the ogre and the rig files (default: samples of the source)");
   verb.add_option("--json", options.json, "Write every number as JSON");
   verb.add_option("--markdown", options.markdown, "Put the tables into this page, between its markers");
   verb.add_option("-j,--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 1024).description(""));
@@ -123,6 +123,29 @@ void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
       ->check(one_of({"sinew", "shi2006", "cholmod", "hypre", "trilinos_ml", "amgcl", "eigen_pcg"}));
 }
 
+void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
+  CLI::App* verb = bench.add_subcommand("frames", "A clip frame by frame, stage by stage; compared with an earlier run");
+  add_bench_common(*verb, options);
+  verb->get_option("--mesh")->expected(1)->description("Body: ogre (default), armadillo, armadillo_loop2, human_man, camel, koala");
+  verb->add_option("--size", options.size, "Free vertices wanted (within 10 %)")
+      ->check(CLI::Range(1000, 20000000).description(""))
+      ->capture_default_str();
+  verb->add_option("--clip", options.clip, "Motion: bvh (default: the sample's walk)");
+  verb->add_option("--frames", options.frames, "Frames to run, as 1-100 (default: all)");
+  verb->add_option("--deform", options.deform, "refined, or paper for Shi 2006 as published")
+      ->check(one_of({"refined", "paper"}))
+      ->capture_default_str();
+  verb->add_option("--repeats", options.repeats, "Runs over the frames; a frame's time is the median over them")
+      ->check(CLI::Range(1, 1000).description(""))
+      ->capture_default_str();
+  verb->add_flag("!--no-cholesky", options.cholesky, "Without CHOLMOD beside it");
+  verb->add_option("--save", options.save, "Keep this run's times and counts, to compare with later");
+  verb->add_option("--against", options.against, "Compare with a kept run; exit code 4 when this one is slower");
+  verb->add_option("--max-slowdown", options.max_slowdown, "Time over the kept run's that is still allowed")
+      ->check(CLI::Range(1.0, 100.0).description(""))
+      ->capture_default_str();
+}
+
 }  // namespace
 
 ExitCode run_command_line(int argc, char** argv) {
@@ -136,6 +159,7 @@ ExitCode run_command_line(int argc, char** argv) {
   AnimateCommandOptions animate;
   InspectOptions inspect;
   BenchSolverOptions bench_solver;
+  BenchFramesOptions bench_frames;
   bool yes = false;
   bool no = false;
   add_animate(app, animate, yes, no);
@@ -143,6 +167,7 @@ ExitCode run_command_line(int argc, char** argv) {
   CLI::App* bench = app.add_subcommand("bench", "Measure how fast it is");
   bench->require_subcommand(1);
   add_bench_solver(*bench, bench_solver);
+  add_bench_frames(*bench, bench_frames);
 
   try {
     app.parse(argc, argv);
@@ -156,14 +181,16 @@ ExitCode run_command_line(int argc, char** argv) {
   try {
     if (yes && no) throw std::invalid_argument("-y and -n exclude each other");
     animate.overwrite = yes ? Overwrite::yes : no ? Overwrite::no : Overwrite::ask;
-    if (!animate.frames.empty()) parse_frame_range(animate.frames);
+    for (const std::string& frames : {animate.frames, bench_frames.frames}) {
+      if (!frames.empty()) parse_frame_range(frames);
+    }
   } catch (const std::invalid_argument& error) {
     std::cerr << "error: " << error.what() << "; see sinew --help\n";
     return ExitCode::usage;
   }
   if (app.got_subcommand("animate")) return run_animate(animate);
   if (app.got_subcommand("inspect")) return run_inspect(inspect);
-  return run_bench_solver(bench_solver);
+  return bench->got_subcommand("solver") ? run_bench_solver(bench_solver) : run_bench_frames(bench_frames);
 }
 
 }  // namespace sinew

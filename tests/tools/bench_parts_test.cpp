@@ -21,11 +21,12 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kFreeNodes = 25000;
+const SceneFolders kFolders = {"/nowhere", fs::path(SINEW_SOURCE_DIR) / "samples"};
 
 /// The ogre mid-stride, in the paper's form.
 struct Walking {
   Walking()
-      : scene(load_scene("ogre", {})),
+      : scene(load_scene("ogre", kFolders)),
         motion(retarget(samples::walk_clip(), scene.skeleton)),
         rig(build_rig_of_size(scene, kFreeNodes, Deform::paper, team)),
         posed(pose_system(rig, pose(), "ogre", team)) {}
@@ -69,14 +70,14 @@ TEST(Scenes, a_size_below_the_surface_is_refused) {
 
 TEST(Scenes, a_mesh_that_is_not_there_names_the_option_that_helps) {
   try {
-    load_scene("koala", {"/nowhere", "/nowhere"});
+    load_scene("koala", kFolders);
     FAIL() << "loaded";
   } catch (const UnusableInput& error) {
     EXPECT_STREQ(error.what(),
-                 "koala: there is no /nowhere/meshes/odedstein/koala.obj; --data says where the meshes are");
+                 "koala: there is no /nowhere/meshes/odedstein/koala.obj; --data says where it is");
   }
-  EXPECT_FALSE(scene_exists("koala", {"/nowhere", "/nowhere"}));
-  EXPECT_TRUE(scene_exists("ogre", {"/nowhere", "/nowhere"}));
+  EXPECT_FALSE(scene_exists("koala", kFolders));
+  EXPECT_TRUE(scene_exists("ogre", kFolders));
 }
 
 TEST(PosedSystem, is_what_a_frame_solves) {

@@ -1,5 +1,7 @@
 #include "tools/bench/bench_files.h"
 
+#include <unistd.h>
+
 #include <fstream>
 #include <iterator>
 
@@ -29,6 +31,15 @@ void write_markdown_section(const std::filesystem::path& file, const std::string
     page.replace(from, to + end.size() - from, section);
   }
   write_text(file, page);
+}
+
+TemporaryFile::TemporaryFile(const std::string& extension)
+    : path_(std::filesystem::temp_directory_path() /
+            ("sinew-bench-" + std::to_string(getpid()) + extension)) {}
+
+TemporaryFile::~TemporaryFile() {
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
 }
 
 }  // namespace sinew

@@ -14,4 +14,17 @@ void write_text(const std::filesystem::path& file, const std::string& text);
 void write_markdown_section(const std::filesystem::path& file, const std::string& name,
                             const std::string& text);
 
+/// A name for a file of this process that is gone when this is.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& extension);
+  ~TemporaryFile();
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
 }  // namespace sinew

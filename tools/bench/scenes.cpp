@@ -7,33 +7,35 @@
 #include "io/rig_file.h"
 #include "pipeline/free_system.h"
 #include "pipeline/solid.h"
-#include "samples/ogre_mesh.h"
-#include "samples/ogre_motion.h"
 #include "skeleton/unusable_input.h"
 
 namespace sinew {
 namespace {
 
-constexpr const char* kMadeHere = "ogre";
-
-struct MeshFile {
+struct SceneFile {
   const char* name;
-  const char* mesh;  ///< below the data folder
-  const char* rig;   ///< below the rigs folder
+  bool sample;  ///< comes with the project: in the samples folder, not in the data folder
+  const char* mesh;
+  const char* rig;  ///< in the samples folder
 };
 
-constexpr MeshFile kFiles[] = {
-    {"armadillo", "meshes/libigl/armadillo.obj", "armadillo.toml"},
-    {"armadillo_loop2", "large/derived/armadillo_loop2.ply", "armadillo.toml"},
-    {"human_man", "meshes/odedstein/human_man.obj", "human_man.toml"},
-    {"camel", "meshes/sumner-popovic/camel_ref.obj", "camel_ref.toml"},
-    {"koala", "meshes/odedstein/koala.obj", "koala.toml"},
+constexpr SceneFile kFiles[] = {
+    {"ogre", true, "ogre/ogre.obj", "ogre/ogre.toml"},
+    {"armadillo", false, "meshes/libigl/armadillo.obj", "rigs/armadillo.toml"},
+    {"armadillo_loop2", false, "large/derived/armadillo_loop2.ply", "rigs/armadillo.toml"},
+    {"human_man", false, "meshes/odedstein/human_man.obj", "rigs/human_man.toml"},
+    {"camel", false, "meshes/sumner-popovic/camel_ref.obj", "rigs/camel_ref.toml"},
+    {"koala", false, "meshes/odedstein/koala.obj", "rigs/koala.toml"},
 };
 
-const MeshFile* find_file(const std::string& name) {
+const SceneFile* find_file(const std::string& name) {
   const auto* found = std::find_if(std::begin(kFiles), std::end(kFiles),
-                                   [&](const MeshFile& file) { return name == file.name; });
+                                   [&](const SceneFile& file) { return name == file.name; });
   return found == std::end(kFiles) ? nullptr : found;
+}
+
+std::filesystem::path mesh_path(const SceneFile& file, const SceneFolders& folders) {
+  return (file.sample ? folders.samples : folders.data) / file.mesh;
 }
 
 /// How many nodes a spacing leaves free, without the fields and the solver that a rig has besides.
@@ -79,31 +81,30 @@ class SpacingSearch {
 
 }  // namespace
 
-std::filesystem::path built_in_rigs() {
-  return SINEW_RIGS_DIR;
+std::filesystem::path built_in_samples() {
+  return SINEW_SAMPLES_DIR;
 }
 
 std::vector<std::string> scene_names() {
-  std::vector<std::string> names = {kMadeHere};
-  for (const MeshFile& file : kFiles) names.push_back(file.name);
+  std::vector<std::string> names;
+  for (const SceneFile& file : kFiles) names.push_back(file.name);
   return names;
 }
 
 bool scene_exists(const std::string& name, const SceneFolders& folders) {
-  if (name == kMadeHere) return true;
-  const MeshFile* file = find_file(name);
-  return file != nullptr && std::filesystem::exists(folders.data / file->mesh);
+  const SceneFile* file = find_file(name);
+  return file != nullptr && std::filesystem::exists(mesh_path(*file, folders));
 }
 
 Scene load_scene(const std::string& name, const SceneFolders& folders) {
-  if (name == kMadeHere) return {name, samples::make_ogre().mesh, samples::ogre_rig()};
-  const MeshFile* file = find_file(name);
-  if (file == nullptr) throw UnusableInput("--mesh: there is no mesh '" + name + "'");
-  const std::filesystem::path mesh = folders.data / file->mesh;
+  const SceneFile* file = find_file(name);
+  if (file == nullptr) throw UnusableInput("there is no mesh '" + name + "'");
+  const std::filesystem::path mesh = mesh_path(*file, folders);
   if (!std::filesystem::exists(mesh)) {
-    throw UnusableInput(name + ": there is no " + mesh.string() + "; --data says where the meshes are");
+    throw UnusableInput(name + ": there is no " + mesh.string() + "; " +
+                        (file->sample ? "--samples" : "--data") + " says where it is");
   }
-  return {name, read_mesh(mesh).mesh, read_rig(folders.rigs / file->rig)};
+  return {name, read_mesh(mesh).mesh, read_rig(folders.samples / file->rig)};
 }
 
 Rig build_rig_of_size(const Scene& scene, int free_nodes, Deform deform, ThreadTeam& team) {

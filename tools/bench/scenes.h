@@ -17,20 +17,20 @@ struct Scene {
 
 /// Where the named meshes are looked for.
 struct SceneFolders {
-  std::filesystem::path data;  ///< the folder with meshes/ and large/
-  std::filesystem::path rigs;  ///< NAME.toml by mesh
+  std::filesystem::path data;     ///< the folder with meshes/ and large/
+  std::filesystem::path samples;  ///< the project's samples: ogre/ogre.obj, ogre/ogre.toml, rigs/NAME.toml
 };
 
-/// The rig files of the source this was built from.
-std::filesystem::path built_in_rigs();
+/// The samples of the source this was built from.
+std::filesystem::path built_in_samples();
 
-/// "ogre", which is made here, and the meshes that are read from the data folder.
+/// "ogre", which comes with the project, and the meshes that are read from the data folder.
 std::vector<std::string> scene_names();
 
-/// Whether the named scene can be had; those from files need theirs.
+/// Whether the named scene can be had; its file is there.
 bool scene_exists(const std::string& name, const SceneFolders& folders);
 
-/// Throws UnusableInput when the mesh is not there, saying which option helps; FileError from reading.
+/// Throws UnusableInput when a file is not there, saying which option helps; FileError from reading.
 Scene load_scene(const std::string& name, const SceneFolders& folders);
 
 /// A rig of `scene` with about `free_nodes` free nodes, within 10 %, by choosing the

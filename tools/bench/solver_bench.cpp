@@ -1,7 +1,5 @@
 #include "tools/bench/solver_bench.h"
 
-#include <unistd.h>
-
 #include <chrono>
 #include <filesystem>
 
@@ -10,6 +8,7 @@
 #include "skeleton/retarget.h"
 #include "skeleton/unusable_input.h"
 #include "tools/bench/bandwidth.h"
+#include "tools/bench/bench_files.h"
 #include "tools/bench/posed_system.h"
 
 namespace sinew {
@@ -20,24 +19,6 @@ constexpr int kFrame = 20;
 
 /// A solver that takes longer than this in a round is not asked again.
 constexpr double kLongSeconds = 25.0;
-
-/// A file that is gone when this is.
-class TemporaryFile {
- public:
-  TemporaryFile()
-      : path_(std::filesystem::temp_directory_path() /
-              ("sinew-bench-" + std::to_string(getpid()) + ".system")) {}
-  ~TemporaryFile() {
-    std::error_code ignored;
-    std::filesystem::remove(path_, ignored);
-  }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 /// Builds the system and leaves it in `file` alone: the solvers may need all the memory there is.
 SystemResult prepare(const Scene& scene, int size, ThreadTeam& team, const std::filesystem::path& file) {
@@ -97,7 +78,7 @@ SolverBenchResult run_solver_bench(const SolverBenchOptions& options,
   result.processor = describe_machine(result.threads).processor;
   result.read_bandwidth = read_bandwidth(team);
   result.one_thread_bandwidth = read_bandwidth(one);
-  const TemporaryFile file;
+  const TemporaryFile file(".system");
   for (const std::string& mesh : options.meshes) {
     for (const int size : options.sizes) {
       try {

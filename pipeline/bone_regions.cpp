@@ -15,7 +15,7 @@ namespace {
 /// linear interpolation is right to a thirty-second of the segment's length.
 constexpr int kThicknessSamples = 33;
 
-/// What is left of a cylinder whose trimmed ends would meet: the middle fifth of its segment.
+/// What is left of a cylinder whose trimmed ends would meet, as a share of its segment.
 constexpr double kLeastCylinder = 0.2;
 
 /// Segments shorter than this share of the skeleton's extent move nothing.
@@ -30,7 +30,9 @@ double extent_of(const RigSkeleton& skeleton) {
   return box.isEmpty() ? 0.0 : box.diagonal().norm();
 }
 
-double length_of(const Segment& segment) { return (segment.to - segment.from).norm(); }
+double length_of(const Segment& segment) {
+  return (segment.to - segment.from).norm();
+}
 
 ThicknessProfile measure_thickness(const Solid& solid, const Segment& axis) {
   ThicknessProfile profile;
@@ -61,7 +63,8 @@ std::vector<BoneSegment> segments_of(const RigSkeleton& skeleton, int joint, dou
     segments.push_back(std::move(segment));
   };
   for (int child = joint + 1; child < skeleton.joint_count(); ++child) {
-    if (skeleton.joints[child].parent == joint) add({own.position, skeleton.joints[child].position}, child, false);
+    if (skeleton.joints[child].parent == joint)
+      add({own.position, skeleton.joints[child].position}, child, false);
   }
   if (own.tip) add({own.position, *own.tip}, -1, false);
   for (const Segment& helper : own.helpers) add(helper, -1, true);
@@ -101,8 +104,8 @@ Bone make_bone(const RigSkeleton& skeleton, int joint, const std::vector<BoneSeg
 }
 
 /// Mean thickness would hide a joint near the skin: R at the joint itself decides.
-double sphere_radius_of(const RigSkeleton& skeleton, const BindingOptions& options, int joint, double thickness,
-                        double shortest_bone) {
+double sphere_radius_of(const RigSkeleton& skeleton, const BindingOptions& options, int joint,
+                        double thickness, double shortest_bone) {
   if (skeleton.joints[joint].sphere_radius) return *skeleton.joints[joint].sphere_radius;
   return std::min(options.sphere_share * thickness, options.sphere_bone_cap * shortest_bone);
 }
@@ -118,8 +121,11 @@ std::vector<double> shortest_incident_bones(const RigSkeleton& skeleton, const B
   return shortest;
 }
 
-/// The part of the segment further than its joints' trimming distance from them. A helper need not
-/// start at its joint, so it is walked from its start until it is clear of all joints of its bone.
+/// The part of the segment further than its joints' trimming distance from them. Where nothing would be
+/// left, a fifth of it: the middle, or at the root, where no other bone begins, the start. A pelvis held in
+/// the middle of its sides would be nearer to the hips than the thighs, and the hips would hardly
+/// listen to the thighs. A helper need not start at its joint, so it is walked from its start until
+/// it is clear of all joints of its bone.
 void trim(const RigSkeleton& skeleton, const BoneRegions& regions, double share, BoneSegment& segment) {
   const int own_joint = regions.bones[segment.bone].joint;
   double begin = 0.0;
@@ -141,8 +147,9 @@ void trim(const RigSkeleton& skeleton, const BoneRegions& regions, double share,
     while (begin < 1.0 && near_joint(begin)) begin += step;
   }
   if (end - begin < kLeastCylinder) {
-    begin = 0.5 * (1.0 - kLeastCylinder);
-    end = 1.0 - begin;
+    const bool from_root = !segment.helper && skeleton.joints[own_joint].parent < 0;
+    begin = from_root ? 0.0 : 0.5 * (1.0 - kLeastCylinder);
+    end = begin + kLeastCylinder;
   }
   segment.cylinder_begin = begin;
   segment.cylinder_end = end;
@@ -241,7 +248,8 @@ BoneRegions bone_regions(const Solid& solid, const RigSkeleton& skeleton, const 
 bool are_adjacent(const RigSkeleton& skeleton, const Bone& a, const Bone& b) {
   const int parent_a = skeleton.joints[a.joint].parent;
   const int parent_b = skeleton.joints[b.joint].parent;
-  return a.joint == b.joint || parent_a == b.joint || parent_b == a.joint || (parent_a >= 0 && parent_a == parent_b);
+  return a.joint == b.joint || parent_a == b.joint || parent_b == a.joint ||
+         (parent_a >= 0 && parent_a == parent_b);
 }
 
 void keep_apart(const Solid& solid, const RigSkeleton& skeleton, double spacing, BoneRegions& regions) {

@@ -48,6 +48,24 @@ TEST(Binding, cylinders_end_before_joints_and_stay_within_their_share_of_the_thi
   }
 }
 
+TEST(Binding, a_root_too_short_for_its_trimming_holds_the_body_where_it_begins) {
+  // Shoulder and elbow are nearer to each other than their trimming: of the upper arm a fifth is left.
+  RigSkeleton skeleton = arm_skeleton();
+  skeleton.joints[0].position.x() = 0.4;
+  const Solid solid(arm_mesh(24));
+  const BoneRegions at_root = bone_regions(solid, skeleton, {});
+  EXPECT_EQ(at_root.segments[0].cylinder_begin, 0.0);
+  EXPECT_EQ(at_root.segments[0].cylinder_end, 0.2);
+
+  RigJoint trunk;
+  trunk.name = "trunk";
+  for (RigJoint& joint : skeleton.joints) ++joint.parent;
+  skeleton.joints.insert(skeleton.joints.begin(), trunk);
+  const BoneRegions between = bone_regions(solid, skeleton, {});
+  EXPECT_NEAR(between.segments[1].cylinder_begin, 0.4, 1e-12);
+  EXPECT_NEAR(between.segments[1].cylinder_end, 0.6, 1e-12);
+}
+
 TEST(Binding, only_interior_nodes_are_held_and_each_once) {
   const Bound arm = bound(arm_mesh(), arm_skeleton());
   std::set<int> held;

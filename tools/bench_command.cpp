@@ -65,7 +65,7 @@ std::string markdown_of(const std::string& first_line, const std::vector<Table>&
 }  // namespace
 
 ExitCode run_bench_solver(const BenchSolverOptions& options) {
-  check_outputs({options.json, options.markdown});
+  check_outputs({options.json, options.markdown, options.plot});
   SolverBenchOptions bench;
   bench.folders = folders_of(options);
   bench.meshes = meshes_of(options, bench.folders);
@@ -91,6 +91,7 @@ ExitCode run_bench_solver(const BenchSolverOptions& options) {
   std::cout << machine << "\n\n";
   print(tables);
   if (!options.json.empty()) write_text(options.json, solver_json(result));
+  if (!options.plot.empty()) write_text(options.plot, solver_plot(result));
   if (!options.markdown.empty())
     write_markdown_section(options.markdown, "sinew bench solver", markdown_of(machine, tables));
   return ExitCode::ok;
@@ -147,6 +148,7 @@ ExitCode run_bench_frames(const BenchFramesOptions& options) {
   bench.size = options.size;
   bench.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
   bench.repeats = options.repeats;
+  bench.frame.tolerance = options.tolerance;
   bench.cholesky = options.cholesky;
   bench.limits = limits_of(options);
   Progress progress(options.common.progress, options.common.quiet);

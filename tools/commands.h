@@ -65,6 +65,7 @@ struct BenchOptions {
 struct BenchSolverOptions : BenchOptions {
   std::vector<std::string> solvers;
   std::vector<int> sizes;
+  std::filesystem::path plot;
   int repeats = 5;
   int rounds = 3;
 };
@@ -74,6 +75,7 @@ struct BenchFramesOptions : BenchOptions {
   std::string frames;
   std::string deform = "refined";
   int size = 500000;
+  double tolerance = 1e-4;
   int repeats = 9;
   bool cholesky = true;
   std::filesystem::path save;

@@ -115,6 +115,7 @@ void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
   verb->add_option("--repeats", options.repeats, "Times each measurement is repeated; medians are shown")
       ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
+  verb->add_option("--plot", options.plot, "Draw time and memory against size, as SVG");
   verb->add_option("--rounds", options.rounds, "Turns every solver takes, with the others in between")
       ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
@@ -134,6 +135,9 @@ void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
   verb->add_option("--frames", options.frames, "Frames to run, as 1-100 (default: all)");
   verb->add_option("--deform", options.deform, "refined, or paper for Shi 2006 as published")
       ->check(one_of({"refined", "paper"}))
+      ->capture_default_str();
+  verb->add_option("--tolerance", options.tolerance, "Largest error of any vertex, as a share of the diagonal")
+      ->check(CLI::Range(1e-14, 1.0).description(""))
       ->capture_default_str();
   verb->add_option("--repeats", options.repeats, "Runs over the frames; a frame's time is the median over them")
       ->check(CLI::Range(1, 1000).description(""))

@@ -13,6 +13,7 @@
 #include "tools/bench/bench_files.h"
 #include "tools/bench/posed_system.h"
 #include "tools/bench/scenes.h"
+#include "tools/bench/svg_plot.h"
 #include "tools/bench/table.h"
 
 namespace sinew {
@@ -145,6 +146,23 @@ TEST(Table, figures_have_three_digits) {
   EXPECT_EQ(figure(0.0), "0");
   EXPECT_EQ(error_figure(0.000129), "1.3e-04");
   EXPECT_EQ(figure(std::nan("")), "-");
+}
+
+TEST(SvgPlot, has_every_line_once_and_only_points_it_can_draw) {
+  const std::string svg =
+      svg_of({{"Time", "size", "s", {{"ours", {{1e4, 0.01}, {1e5, 0.1}, {1e6, 0.0}}}, {"R&D", {{1e5, 1.0}}}}},
+              {"Memory", "size", "MB", {{"ours", {{1e4, std::nan("")}}}}}});
+  const auto count = [&](const std::string& text) {
+    int found = 0;
+    for (std::size_t at = svg.find(text); at != std::string::npos; at = svg.find(text, at + 1)) ++found;
+    return found;
+  };
+  EXPECT_EQ(count("<circle"), 3);
+  EXPECT_EQ(count(">ours<"), 1);
+  EXPECT_EQ(count(">R&amp;D<"), 1);
+  EXPECT_EQ(count("nan"), 0);
+  EXPECT_EQ(count("inf"), 0);
+  EXPECT_EQ(svg.substr(svg.size() - 7), "</svg>\n");
 }
 
 TEST(MarkdownSection, is_replaced_and_what_is_round_it_stays) {

@@ -48,9 +48,9 @@ TEST(Bench, a_mesh_that_is_not_there_is_exit_4) {
 
 TEST(Bench, every_solver_found_solves_the_same_system) {
   const fs::path folder = scratch("bench-solver");
-  const ProgramRun run =
-      run_sinew({"bench", "solver", "--mesh", "ogre", "--sizes", "25000", "--repeats", "1", "--rounds", "1",
-                 "--progress", "none", "--json", folder / "a.json", "--markdown", folder / "a.md"});
+  const ProgramRun run = run_sinew({"bench", "solver", "--mesh", "ogre", "--sizes", "25000", "--repeats", "1",
+                                    "--rounds", "1", "--progress", "none", "--json", folder / "a.json",
+                                    "--markdown", folder / "a.md", "--plot", folder / "a.svg"});
   ASSERT_EQ(run.exit_code, 0) << run.errors;
   const auto root = nlohmann::json::parse(contents(folder / "a.json"));
   EXPECT_GT(root.at("read_bandwidth_gbs").get<double>(), 0.0);
@@ -71,6 +71,7 @@ TEST(Bench, every_solver_found_solves_the_same_system) {
     EXPECT_GT(solver.at("to_1e-3_s").get<double>(), 0.0) << name;
   }
   EXPECT_EQ(system.at("solvers").at("sinew").at("iterations").at("1e-3"), 1);
+  EXPECT_EQ(contents(folder / "a.svg").rfind("<svg ", 0), 0u);
   const std::string page = contents(folder / "a.md");
   EXPECT_EQ(page.rfind("<!-- sinew bench solver -->\n", 0), 0u);
   EXPECT_NE(page.find("| sinew |"), std::string::npos);

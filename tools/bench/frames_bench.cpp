@@ -1,5 +1,6 @@
 #include "tools/bench/frames_bench.h"
 
+#include <algorithm>
 #include <numeric>
 #include <sstream>
 #include <stdexcept>
@@ -19,7 +20,13 @@ struct FrameLog {
   std::vector<std::vector<double>> whole;  ///< [frame][repeat]
   std::vector<double> cycles, solves;      ///< by frame, the same in every repeat
   int unconverged = 0;
+  double error = 0.0;
 };
+
+/// Measuring the residual is no part of a frame's work.
+bool is_work(int stage) {
+  return static_cast<FrameStage>(stage) != FrameStage::measure;
+}
 
 class FrameRuns {
  public:
@@ -41,9 +48,10 @@ class FrameRuns {
     animate(rig_, motion_, animate_, team_, [&](const FrameResult& result) {
       const auto frame = static_cast<std::size_t>(result.frame - animate_.first_frame);
       const FrameReport& report = result.report;
-      const double whole = std::accumulate(report.milliseconds.begin(), report.milliseconds.end(), 0.0);
+      double whole = 0.0;
       for (int stage = 0; stage < kFrameStageCount; ++stage) {
         log.stages[stage][frame].push_back(report.milliseconds[stage]);
+        if (is_work(stage)) whole += report.milliseconds[stage];
       }
       log.whole[frame].push_back(whole);
       milliseconds += whole;
@@ -51,6 +59,7 @@ class FrameRuns {
         log.cycles.push_back(report.cycles);
         log.solves.push_back(report.solves);
         if (!report.converged) ++log.unconverged;
+        log.error = std::max(log.error, report.error);
       } else if (log.cycles[frame] != report.cycles || log.solves[frame] != report.solves) {
         throw std::runtime_error("frame " + std::to_string(result.frame + 1) +
                                  " took another number of cycles the second time");
@@ -79,6 +88,7 @@ Spread spread_over_frames(const std::vector<std::vector<double>>& repeats_by_fra
 
 void summarise(const FrameLog& log, FramesBenchResult& result) {
   for (int stage = 0; stage < kFrameStageCount; ++stage) {
+    if (!is_work(stage)) continue;
     result.stages.push_back(
         {stage_name(static_cast<FrameStage>(stage)), spread_over_frames(log.stages[stage])});
   }
@@ -86,6 +96,20 @@ void summarise(const FrameLog& log, FramesBenchResult& result) {
   result.cycles = spread_of(log.cycles);
   result.solves = spread_of(log.solves);
   result.unconverged = log.unconverged;
+  result.error = log.error;
+}
+
+/// A frame's cycles alone, median: the first of each solve is one of full multigrid.
+double bytes_of_solves(const Rig& rig, const FrameLog& log) {
+  const auto* multigrid = dynamic_cast<const MultigridSolver*>(rig.solver.get());
+  if (multigrid == nullptr) return 0.0;
+  const auto near = static_cast<double>(multigrid->correction_cost(Reach::near).bytes);
+  const auto far = static_cast<double>(multigrid->correction_cost(Reach::far).bytes);
+  std::vector<double> bytes;
+  for (std::size_t frame = 0; frame < log.cycles.size(); ++frame) {
+    bytes.push_back(log.solves[frame] * far + (log.cycles[frame] - log.solves[frame]) * near);
+  }
+  return median(std::move(bytes));
 }
 
 std::string as_text(double value) {
@@ -106,7 +130,7 @@ void describe(const FrameLog& log, const FramesBenchOptions& options, FramesBenc
                                       std::to_string(result.first_frame + result.frame_count)},
                        {"free vertices", std::to_string(result.free_vertices)},
                        {"deform", result.deform},
-                       {"tolerance", as_text(options.frame.solve.tolerance)},
+                       {"tolerance", as_text(options.frame.tolerance)},
                        {"threads", std::to_string(result.threads)}};
   baseline.counters = {{"cycles", total(log.cycles)},
                        {"solves", total(log.solves)},
@@ -165,6 +189,7 @@ FramesBenchResult run_frames_bench(const Scene& scene, const Motion& motion, con
     return result;
   }
   summarise(runs.log(), result);
+  result.bytes_of_solves = bytes_of_solves(rig, runs.log());
   describe(runs.log(), options, result);
   if (options.cholesky && tell("CHOLMOD")) result.cholesky = time_cholesky(rig, motion, options, team);
   return result;

@@ -44,6 +44,8 @@ struct FramesBenchResult {
   Spread cycles;
   Spread solves;
   int unconverged = 0;
+  double error = 0.0;            ///< estimated largest error of any node in any frame, share of the diagonal
+  double bytes_of_solves = 0.0;  ///< that the cycles of a frame read and write, median; 0 where not known
   std::optional<PeerResult> cholesky;  ///< on the system of the middle frame
   Baseline baseline;                   ///< settings, counters and samples of this run
 

@@ -1,5 +1,6 @@
 #include "tools/bench/frames_report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -19,18 +20,34 @@ struct FrameTarget {
 constexpr FrameTarget kFrameTargets[] = {{100000, 7.0, 18.0}, {500000, 35.0, 90.0}};
 constexpr double kSizeRange = 0.2;
 
+const std::string kStart = stage_name(FrameStage::start);
+const std::string kSolve = stage_name(FrameStage::solve);
+const std::string kResidual = stage_name(FrameStage::residual);
+
 std::vector<std::string> spread_row(const std::string& name, const Spread& spread) {
   return {name, figure(spread.median), figure(spread.p95), figure(spread.p99), figure(spread.max)};
 }
 
+double share_of_bandwidth(const FramesBenchResult& result, double bytes, double milliseconds) {
+  return bytes / (milliseconds / 1000.0) / result.read_bandwidth;
+}
+
 Table stage_table(const FramesBenchResult& result) {
-  Table table{"A frame, ms", {"stage", "median", "p95", "p99", "most", "share"}, {}};
-  const auto add = [&](const std::string& name, const Spread& spread) {
+  Table table{
+      "A frame, ms", {"stage", "median", "p95", "p99", "most", "share", "MB moved", "of read bandwidth"}, {}};
+  const auto add = [&](const std::string& name, const Spread& spread, double bytes) {
     table.rows.push_back(spread_row(name, spread));
-    table.rows.back().push_back(figure(100.0 * spread.median / result.frame.median) + " %");
+    auto& row = table.rows.back();
+    row.push_back(figure(100.0 * spread.median / result.frame.median) + " %");
+    row.push_back(bytes > 0.0 ? figure(bytes / 1e6) : "-");
+    row.push_back(bytes > 0.0 ? figure(100.0 * share_of_bandwidth(result, bytes, spread.median)) + " %"
+                              : "-");
   };
-  for (const StageResult& stage : result.stages) add(stage.name, stage.milliseconds);
-  add("whole frame", result.frame);
+  for (const StageResult& stage : result.stages) {
+    if (stage.milliseconds.max == 0.0) continue;  // no part of this form of frame
+    add(stage.name, stage.milliseconds, stage.name == kSolve ? result.bytes_of_solves : 0.0);
+  }
+  add("whole frame", result.frame, 0.0);
   return table;
 }
 
@@ -38,14 +55,20 @@ Table count_table(const FramesBenchResult& result) {
   Table table{"Counts a frame", {"", "median", "p95", "p99", "most"}, {}};
   table.rows.push_back(spread_row("cycles", result.cycles));
   table.rows.push_back(spread_row("solves", result.solves));
+  table.title += "; largest error of any node in any frame " + error_figure(result.error) +
+                 " of the diagonal (estimate), " + std::to_string(result.unconverged) +
+                 " frames short of the tolerance";
   return table;
 }
 
-/// Sum of the medians of the stages that a direct solver would replace.
+/// Medians of what a direct solver would replace: starts, cycles, and every residual but the first of each
+/// solve, which is its right-hand side.
 double replaced_milliseconds(const FramesBenchResult& result) {
+  const double more_residuals = 1.0 - result.solves.median / std::max(1.0, result.cycles.median);
   double sum = 0.0;
   for (const StageResult& stage : result.stages) {
-    if (stage.name == "start" || stage.name == "solve") sum += stage.milliseconds.median;
+    if (stage.name == kStart || stage.name == kSolve) sum += stage.milliseconds.median;
+    if (stage.name == kResidual) sum += more_residuals * stage.milliseconds.median;
   }
   return sum;
 }
@@ -128,8 +151,14 @@ std::string frames_json(const FramesBenchResult& result) {
   } else if (result.cholesky) {
     root["cholesky_failure"] = result.cholesky->failure;
   }
-  for (const StageResult& stage : result.stages)
-    root["stages"][stage.name] = spread_record(stage.milliseconds);
+  for (const StageResult& stage : result.stages) {
+    Json& record = root["stages"][stage.name] = spread_record(stage.milliseconds);
+    if (stage.name != kSolve || result.bytes_of_solves == 0.0) continue;
+    record["bytes"] = result.bytes_of_solves;
+    record["bandwidth_share"] = share_of_bandwidth(result, result.bytes_of_solves, stage.milliseconds.median);
+  }
+  root["largest_error_estimate"] = result.error;
+  root["unconverged_frames"] = result.unconverged;
   root["cycles"] = {{"median", result.cycles.median}, {"max", result.cycles.max}};
   root["solves"] = {{"median", result.solves.median}, {"max", result.solves.max}};
   for (const auto& [name, count] : result.baseline.counters) root["counters"][name] = count;

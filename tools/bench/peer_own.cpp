@@ -64,7 +64,9 @@ class SinewPeer : public OwnPeer<MultigridSolver> {
       workspace->residual[i][3] = 0.0f;
     }
     return {{"v_cycle_s", median_seconds(Reach::near, *workspace)},
-            {"f_cycle_s", median_seconds(Reach::far, *workspace)}};
+            {"f_cycle_s", median_seconds(Reach::far, *workspace)},
+            {"v_cycle_bytes", static_cast<double>(solver_->correction_cost(Reach::near).bytes)},
+            {"f_cycle_bytes", static_cast<double>(solver_->correction_cost(Reach::far).bytes)}};
   }
 
  private:

@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+
+#include "tools/bench/statistics.h"
+#include "tools/bench/svg_plot.h"
 
 namespace sinew {
 namespace {
@@ -128,14 +132,40 @@ Table paper_table(const SolverBenchResult& result) {
   return table;
 }
 
+std::string system_label(const SystemResult& system) {
+  return system.name + " " + with_commas(system.free_vertices);
+}
+
+/// Share of the measured read bandwidth that one cycle reaches, or not a number.
+double cycle_share(const SystemResult& system, const std::string& cycle, double bandwidth) {
+  const PeerResult* own = system.solver("sinew");
+  if (own == nullptr || !own->finished()) return NAN;
+  return own->figures.at(cycle + "_bytes") / own->figures.at(cycle + "_s") / bandwidth;
+}
+
+Table cycle_table(const SolverBenchResult& result) {
+  Table table{"One cycle alone, three columns in single precision",
+              {"system", "V-cycle ms", "MB moved", "of read bandwidth", "F-cycle ms", "MB moved",
+               "of read bandwidth"},
+              {}};
+  for (const SystemResult& system : result.systems) {
+    const PeerResult* own = system.solver("sinew");
+    if (own == nullptr || !own->finished()) continue;
+    std::vector<std::string> row = {system_label(system)};
+    for (const std::string cycle : {"v_cycle", "f_cycle"}) {
+      row.push_back(figure(1000.0 * own->figures.at(cycle + "_s")));
+      row.push_back(figure(own->figures.at(cycle + "_bytes") / 1e6));
+      row.push_back(figure(100.0 * cycle_share(system, cycle, result.read_bandwidth)) + " %");
+    }
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
 /// The better of the two strongest packaged multigrids.
 double best_peer_seconds(const SystemResult& system, double tolerance) {
   return std::fmin(seconds_to(system.solver("hypre"), tolerance),
                    seconds_to(system.solver("amgcl"), tolerance));
-}
-
-std::string system_label(const SystemResult& system) {
-  return system.name + " " + with_commas(system.free_vertices);
 }
 
 /// Takes the worst of `value` over the systems; values that are not numbers do not count.
@@ -149,6 +179,33 @@ void measure(Target& target, const SolverBenchResult& result, const Value& value
     target.measured = found;
     target.worst_system = system_label(system);
   }
+}
+
+using SolverFigure = double (*)(const PeerResult&);
+
+/// One line a solver: its figure against size. Systems within a quarter of a power of ten of each other are
+/// one point, the medians of theirs.
+std::vector<PlotLine> lines_by_solver(const SolverBenchResult& result, SolverFigure figure_of) {
+  struct SizeClass {
+    std::vector<double> sizes, figures;
+  };
+  std::map<std::string, std::map<long, SizeClass>> found;
+  std::vector<PlotLine> lines;
+  for (const SystemResult& system : result.systems) {
+    for (const auto& [name, peer] : system.solvers) {
+      if (!peer.finished()) continue;
+      if (!found.contains(name)) lines.push_back({name, {}});
+      SizeClass& size_class = found[name][std::lround(4.0 * std::log10(system.free_vertices))];
+      size_class.sizes.push_back(system.free_vertices);
+      size_class.figures.push_back(figure_of(peer));
+    }
+  }
+  for (PlotLine& line : lines) {
+    for (const auto& [place, size_class] : found[line.name]) {
+      line.points.emplace_back(median(size_class.sizes), median(size_class.figures));
+    }
+  }
+  return lines;
 }
 
 Json solver_record(const PeerResult& peer) {
@@ -188,6 +245,7 @@ std::vector<Target> solver_targets(const SolverBenchResult& result) {
       {"set-up, times faster than AMGCL's", 1, 2, true, 0, {}, " x"},
       {"memory of the hierarchy at 0.5M, share of CHOLMOD's factor", 1.0 / 15, 1.0 / 25, false, 0, {}, ""},
       {"F-cycles to 1e-3", 1, 1, false, 0, {}, ""},
+      {"V-cycle, share of the measured read bandwidth", 70, 85, true, 0, {}, " %"},
   };
   measure(targets[0], result, ratio_to_best(kLooseTolerance));
   measure(targets[1], result, ratio_to_best(kTightTolerance));
@@ -203,6 +261,9 @@ std::vector<Target> solver_targets(const SolverBenchResult& result) {
   measure(targets[4], result, [&](const SystemResult& system) {
     const PeerResult* own = system.solver("sinew");
     return prepared(own) ? static_cast<double>(own->at(kLooseTolerance)->iterations) : NAN;
+  });
+  measure(targets[5], result, [&](const SystemResult& system) {
+    return 100.0 * cycle_share(system, "v_cycle", result.read_bandwidth);
   });
   std::erase_if(targets, [](const Target& target) { return target.worst_system.empty(); });
   return targets;
@@ -223,10 +284,22 @@ std::vector<Table> solver_tables(const SolverBenchResult& result) {
   std::vector<Table> tables;
   for (const SystemResult& system : result.systems) tables.push_back(system_table(system));
   if (result.systems.empty()) return tables;
+  if (Table cycles = cycle_table(result); !cycles.rows.empty()) tables.push_back(std::move(cycles));
   tables.push_back(settings_table(result));
   if (Table paper = paper_table(result); !paper.rows.empty()) tables.push_back(std::move(paper));
   if (const auto targets = solver_targets(result); !targets.empty()) tables.push_back(target_table(targets));
   return tables;
+}
+
+std::string solver_plot(const SolverBenchResult& result) {
+  const auto plot_of = [&](const std::string& title, const std::string& unit, SolverFigure figure_of) {
+    return Plot{title, "free vertices", unit, lines_by_solver(result, figure_of)};
+  };
+  return svg_of(
+      {plot_of("Zero guess to 1e-5", "seconds",
+               [](const PeerResult& peer) { return seconds_to(&peer, kTightTolerance); }),
+       plot_of("Set-up or factorisation", "seconds", [](const PeerResult& peer) { return peer.setup_s; }),
+       plot_of("Memory", "MB", [](const PeerResult& peer) { return peer.memory_mb; })});
 }
 
 std::string machine_line(const SolverBenchResult& result) {

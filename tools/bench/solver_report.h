@@ -35,6 +35,10 @@ std::string machine_line(const SolverBenchResult& result);
 /// Table of targets: hold to, aim, measured.
 Table target_table(const std::vector<Target>& targets);
 
+/// Time to 1e-5, set-up and memory against size, a line a solver: medians where several systems have about
+/// the same size. As SVG.
+std::string solver_plot(const SolverBenchResult& result);
+
 /// `systems[]` with `solvers.NAME`: setup_s, to_1e-3_s, to_1e-5_s, memory_mb, iterations and more.
 std::string solver_json(const SolverBenchResult& result);
 

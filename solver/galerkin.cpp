@@ -10,14 +10,26 @@ namespace {
 
 constexpr int kCorners = 8;
 
-/// Coarse rows made in one go. A slab recomputes what it shares with its neighbors at its ends, so
-/// it should be long against a breadth-first front of coarse nodes.
-constexpr int kSlabRows = 4096;
+/// Coarse rows made in one go. A slab recomputes what it shares with its neighbors at its ends, so it should
+/// be long against a breadth-first front of coarse nodes; but it keeps the rows of its pieces in memory.
+constexpr int kFewestSlabRows = 1024;
+constexpr int kMostSlabRows = 16384;
+
+// Rows come out the same however they are cut, so the cut may look at the team.
+int slab_count(int rows, const ThreadTeam& team) {
+  const int shared = std::min(rows / kFewestSlabRows, team.thread_count() == 1 ? 1 : 4 * team.thread_count());
+  return std::max({1, shared, rows / kMostSlabRows});
+}
 
 using Eight = Lanes<kCorners>;
 
 struct EightSums {
   Eight::Double value{};
+};
+
+// What one piece's nodes give to another's corners: a row for each of their own eight corners.
+struct Block {
+  Eight::Double rows[kCorners] = {};
 };
 
 struct FineNodes {
@@ -116,15 +128,17 @@ class Slab {
         factor * __builtin_convertvector(fine_.weights.as<Eight::Float>()[node], Eight::Double);
   }
 
-  // Row of A P at one fine node, over the local columns: summed per piece first, eight corners at a time.
-  void fill_row(int node) {
+  // Row of A P at one fine node, times its weights: one block of eight by eight per piece it is joined to.
+  void add_node(int node) {
     touched_.clear();
     add_weights(node, A_.diagonal[node]);
     for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k) add_weights(A_.neighbors[k], -A_.weight(k));
-    std::fill(row_.begin(), row_.end(), 0.0);
+    const Eight::Float& weights = fine_.weights.as<Eight::Float>()[node];
     for (int near : touched_) {
-      for (int k = 0; k < kCorners; ++k)
-        row_[near_columns_[kCorners * near + k]] += near_sums_[near].value[k];
+      const Eight::Double sums = near_sums_[near].value;
+      Block& block = blocks_[near];
+      for (int corner = 0; corner < kCorners; ++corner)
+        block.rows[corner] += static_cast<double>(weights[corner]) * sums;
       near_sums_[near] = {};
       near_touched_[near] = 0;
     }
@@ -133,21 +147,18 @@ class Slab {
   // The rows of P^T (A P) that the nodes of one piece give to its eight corners.
   void fill_piece(int piece, PieceRows& out) {
     meet_pieces(piece);
-    near_touched_.assign(near_.met().size(), 0);
+    const std::size_t near_count = near_.met().size();
+    near_touched_.assign(near_count, 0);
+    blocks_.assign(near_count, {});
+    for (int entry = transfer_.piece_offsets[piece]; entry < transfer_.piece_offsets[piece + 1]; ++entry)
+      add_node(transfer_.nodes[entry]);
     out.columns = columns_.met();
     const std::size_t width = out.columns.size();
     out.values.assign(kCorners * width, 0.0);
-    row_.resize(width);
-    for (int entry = transfer_.piece_offsets[piece]; entry < transfer_.piece_offsets[piece + 1]; ++entry) {
-      const int node = transfer_.nodes[entry];
-      fill_row(node);
-      const Eight::Float& weights = fine_.weights.as<Eight::Float>()[node];
-      for (int corner = 0; corner < kCorners; ++corner) {
-        const double weight = weights[corner];
-        double* const values = &out.values[corner * width];
-        for (std::size_t k = 0; k < width; ++k) values[k] += weight * row_[k];
-      }
-    }
+    for (std::size_t near = 0; near < near_count; ++near)
+      for (int corner = 0; corner < kCorners; ++corner)
+        for (int k = 0; k < kCorners; ++k)
+          out.values[corner * width + near_columns_[kCorners * near + k]] += blocks_[near].rows[corner][k];
     columns_.clear();
   }
 
@@ -188,6 +199,7 @@ class Slab {
   LocalNumbers near_;     // that one piece is joined to
   LocalNumbers columns_;  // coarse nodes
   std::vector<int> near_columns_;
+  std::vector<Block> blocks_;         // by near piece
   std::vector<EightSums> near_sums_;  // by near piece: what the current fine node reads of its corners
   std::vector<char> near_touched_;
   std::vector<int> touched_;
@@ -208,7 +220,7 @@ void append(const LevelMatrix& part, LevelMatrix& whole) {
 
 LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer, ThreadTeam& team) {
   const FineNodes fine = by_fine_node(transfer);
-  const int slabs = std::max(1, transfer.coarse_count / kSlabRows);
+  const int slabs = slab_count(transfer.coarse_count, team);
   std::vector<LevelMatrix> parts(static_cast<std::size_t>(slabs));
   team.for_each_block(slabs, [&](int slab) {
     Slab work(A, transfer, fine);
@@ -235,10 +247,11 @@ void finish_level(LevelMatrix& matrix) {
   // A row without a diagonal is an equation 0 = 0: its correction stays zero.
   for (std::size_t i = 0; i < matrix.diagonal.size(); ++i)
     matrix.inverse_diagonal[i] = matrix.diagonal[i] > 0 ? 1 / matrix.diagonal[i] : 0.0f;
-  const std::vector<float>& weights = matrix.weights;
-  if (std::all_of(weights.begin(), weights.end(), [&](float w) { return w == weights.front(); })) {
-    matrix.uniform_weight = weights.empty() ? 0 : weights.front();
-    matrix.weights = {};
+  std::vector<float>& weights = matrix.weights;
+  if (!weights.empty() &&
+      std::all_of(weights.begin(), weights.end(), [&](float w) { return w == weights.front(); })) {
+    matrix.uniform_weight = weights.front();
+    std::vector<float>().swap(weights);  // gives the memory back, which clearing would not
   }
   matrix.sweep_blocks = sweep_blocks(matrix.offsets, matrix.neighbors);
 }

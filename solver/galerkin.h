@@ -7,8 +7,8 @@
 namespace sinew {
 
 /// P^T A P for the interpolation P of `transfer`: symmetric, positive semi-definite, and blind to the
-/// constants where A is. Summed in double, stored in single precision. The rows are cut into slabs
-/// fixed by the data, so the result is the same for any team. O(entries of A).
+/// constants where A is. Summed in double, stored in single precision. The same for any team. O(entries of
+/// A).
 LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer, ThreadTeam& team);
 
 /// Fills the parts that follow from offsets, neighbors, weights and diagonal: the inverse diagonal, the

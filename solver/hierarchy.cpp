@@ -1,5 +1,6 @@
 #include "solver/hierarchy.h"
 
+#include <algorithm>
 #include <cmath>
 #include <iomanip>
 #include <ostream>
@@ -29,7 +30,12 @@ LevelMatrix level_matrix(const LinearSystem& system) {
   LevelMatrix matrix;
   matrix.offsets = graph.offsets;
   matrix.neighbors = graph.neighbors;
-  matrix.weights.assign(graph.weights.begin(), graph.weights.end());
+  // finish_level would drop equal weights, but only after they were copied.
+  if (!graph.weights.empty() && std::all_of(graph.weights.begin(), graph.weights.end(),
+                                            [&](double w) { return w == graph.weights.front(); }))
+    matrix.uniform_weight = static_cast<float>(graph.weights.front());
+  else
+    matrix.weights.assign(graph.weights.begin(), graph.weights.end());
   matrix.diagonal.reserve(static_cast<std::size_t>(graph.node_count()));
   for (int i = 0; i < graph.node_count(); ++i) {
     double diagonal = system.anchor[i];
@@ -40,13 +46,19 @@ LevelMatrix level_matrix(const LinearSystem& system) {
   return matrix;
 }
 
+bool fits_a_lattice(const Field3& positions, double cell) {
+  if (!(std::isfinite(cell) && cell > 0 && positions.allFinite())) return false;
+  const Eigen::RowVector3d extent = positions.colwise().maxCoeff() - positions.colwise().minCoeff();
+  return extent.maxCoeff() < kMostCellsAlong * cell;
+}
+
 // The next level by the first means that shrinks this one enough: a lattice, coarser lattices, and
 // aggregates, which need no positions. Its coarse_count is 0 when nothing helps.
-PieceCoarsening coarsen(const LevelMatrix& matrix, const Field3& positions, double cell) {
+PieceCoarsening coarsen(const LevelMatrix& matrix, const Field3& positions, double cell, ThreadTeam& team) {
   const double limit = kLargestShare * matrix.size();
-  if (std::isfinite(cell) && cell > 0 && positions.allFinite())
+  if (fits_a_lattice(positions, cell))
     for (int doubling = 0; doubling < 3; ++doubling, cell *= 2) {
-      PieceCoarsening lattice = coarsen_by_lattice(matrix, positions, cell);
+      PieceCoarsening lattice = coarsen_by_lattice(matrix, positions, cell, team);
       if (lattice.transfer.coarse_count <= limit) return lattice;
     }
   PieceCoarsening aggregates = coarsen_by_aggregation(matrix, positions);
@@ -57,10 +69,10 @@ PieceCoarsening coarsen(const LevelMatrix& matrix, const Field3& positions, doub
 void add_lattice_levels(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team,
                         Hierarchy::Members& members) {
   Field3 positions = system.rest_positions;
-  double cell = kFirstCell * mean_edge_length(members.matrices.back(), positions);
+  double cell = kFirstCell * mean_edge_length(members.matrices.back(), positions, team);
   while (members.matrices.back().size() > options.coarsest_size &&
          static_cast<int>(members.matrices.size()) < options.max_levels) {
-    PieceCoarsening next = coarsen(members.matrices.back(), positions, cell);
+    PieceCoarsening next = coarsen(members.matrices.back(), positions, cell, team);
     if (next.transfer.coarse_count == 0) return;
     members.matrices.push_back(galerkin_product(members.matrices.back(), next.transfer, team));
     members.transfers.push_back({std::move(next.transfer), std::nullopt});

@@ -5,10 +5,6 @@
 #include <memory>
 #include <new>
 
-// Short vectors are handed between functions of one file alone, so which registers carry them is nobody
-// else's business.
-#pragma GCC diagnostic ignored "-Wpsabi"
-
 /// Internal to solver/. Several right-hand sides side by side: one short vector per node, which the
 /// compiler maps to the machine's registers.
 namespace sinew {

@@ -1,18 +1,38 @@
 #include "solver/lattice_coarsening.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+
+#include "solver/sweep_blocks.h"
 
 namespace sinew {
 namespace {
 
-using Cell = Eigen::Vector3d;  // whole numbers; doubles so that far-apart parts cannot overflow
+using Cell = std::array<int, 3>;
+using CellKey = std::int64_t;  // the three numbers of a cell in one, for comparisons alone
+
+constexpr int kItemsPerBlock = 4096;
+
+CellKey key_of(const Cell& cell) {
+  return (static_cast<CellKey>(cell[0]) << 42) | (static_cast<CellKey>(cell[1]) << 21) | cell[2];
+}
+
+// Calls body(item) for every item, in blocks fixed by the count.
+template <typename Body>
+void for_items(ThreadTeam& team, int count, const Body& body) {
+  const int blocks = even_block_count(count, kItemsPerBlock);
+  team.for_each_block(blocks, [&](int block) {
+    const int end = even_block_begin(count, blocks, block + 1);
+    for (int item = even_block_begin(count, blocks, block); item < end; ++item) body(item);
+  });
+}
 
 constexpr int kCorners = 8;
 
-Eigen::Vector3d corner_offset(int corner) {
-  return {static_cast<double>(corner & 1), static_cast<double>(corner >> 1 & 1),
-          static_cast<double>(corner >> 2 & 1)};
+int corner_offset(int corner, int axis) {
+  return corner >> axis & 1;
 }
 
 // Disjoint sets over 0 .. n-1; the smallest member stands for its set.
@@ -44,7 +64,8 @@ struct Pieces {
 };
 
 // Floods each cell's part of the graph; pieces are numbered by their lowest node.
-Pieces flood_cells(const LevelMatrix& matrix, const std::vector<Cell>& cell_of_node) {
+Pieces flood_cells(const LevelMatrix& matrix, const std::vector<Cell>& cell_of_node,
+                   const std::vector<CellKey>& key_of_node) {
   Pieces pieces;
   pieces.of_node.assign(cell_of_node.size(), -1);
   std::vector<int> front;
@@ -59,7 +80,7 @@ Pieces flood_cells(const LevelMatrix& matrix, const std::vector<Cell>& cell_of_n
       front.pop_back();
       for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
         const int neighbor = matrix.neighbors[k];
-        if (pieces.of_node[neighbor] >= 0 || cell_of_node[neighbor] != cell_of_node[start]) continue;
+        if (pieces.of_node[neighbor] >= 0 || key_of_node[neighbor] != key_of_node[start]) continue;
         pieces.of_node[neighbor] = piece;
         front.push_back(neighbor);
       }
@@ -79,14 +100,15 @@ void group_nodes(const std::vector<int>& piece_of_node, int piece_count, PieceTr
     transfer.nodes[next[piece_of_node[node]]++] = static_cast<int>(node);
 }
 
-// Makes the shared corners of two joined pieces one. `step` leads from the cell of p to that of q.
-void unite_corners(int p, int q, const Cell& step, DisjointSets& corners) {
-  if (step.cwiseAbs().maxCoeff() > 1) return;
+// Makes the shared corners of two joined pieces one, given the cells they lie in.
+void unite_corners(int p, int q, const Cell& cell_p, const Cell& cell_q, DisjointSets& corners) {
   for (int k = 0; k < kCorners; ++k) {
-    const Eigen::Vector3d seen_from_q = corner_offset(k) - step;
-    if (seen_from_q.minCoeff() < 0 || seen_from_q.maxCoeff() > 1) continue;
-    const int other = static_cast<int>(seen_from_q[0] + 2 * seen_from_q[1] + 4 * seen_from_q[2]);
-    corners.unite(kCorners * p + k, kCorners * q + other);
+    int other = 0;
+    for (int axis = 0; axis < 3 && other >= 0; ++axis) {
+      const int seen_from_q = corner_offset(k, axis) + cell_p[axis] - cell_q[axis];
+      other = seen_from_q < 0 || seen_from_q > 1 ? -1 : other | seen_from_q << axis;
+    }
+    if (other >= 0) corners.unite(kCorners * p + k, kCorners * q + other);
   }
 }
 
@@ -100,21 +122,26 @@ void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const 
         const int q = pieces.of_node[matrix.neighbors[k]];
         if (q <= p || last_seen_from[q] == p) continue;
         last_seen_from[q] = p;
-        unite_corners(p, q, pieces.cells[q] - pieces.cells[p], corners);
+        unite_corners(p, q, pieces.cells[p], pieces.cells[q], corners);
       }
     }
 }
 
-// A corner no node gives weight to would be an empty equation: leave it out.
-std::vector<char> corners_in_use(const PieceTransfer& transfer, DisjointSets& corners) {
-  std::vector<char> used(static_cast<std::size_t>(transfer.piece_count()) * kCorners, 0);
-  float weights[kCorners];
-  for (int p = 0; p < transfer.piece_count(); ++p)
+// By root of the corners: whether any node gives weight to it. One that is not used would be an empty
+// equation: leave it out.
+std::vector<char> corners_in_use(const PieceTransfer& transfer, DisjointSets& corners, ThreadTeam& team) {
+  std::vector<char> reached(static_cast<std::size_t>(transfer.piece_count()) * kCorners, 0);
+  for_items(team, transfer.piece_count(), [&](int p) {
+    float weights[kCorners];
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], weights);
       for (int k = 0; k < kCorners; ++k)
-        if (weights[k] > 0) used[corners.find(kCorners * p + k)] = 1;
+        if (weights[k] > 0) reached[static_cast<std::size_t>(kCorners) * p + k] = 1;
     }
+  });
+  std::vector<char> used(reached.size(), 0);
+  for (std::size_t slot = 0; slot < reached.size(); ++slot)
+    if (reached[slot]) used[corners.find(static_cast<int>(slot))] = 1;
   return used;
 }
 
@@ -131,7 +158,10 @@ void number_corners(const std::vector<Cell>& cells, const std::vector<char>& use
     if (!used[root]) continue;
     if (coarse_of_root[root] < 0) {
       coarse_of_root[root] = static_cast<int>(positions.size());
-      positions.push_back(cells[slot / kCorners] + corner_offset(static_cast<int>(slot % kCorners)));
+      const Cell& cell = cells[slot / kCorners];
+      const int corner = static_cast<int>(slot % kCorners);
+      positions.emplace_back(cell[0] + corner_offset(corner, 0), cell[1] + corner_offset(corner, 1),
+                             cell[2] + corner_offset(corner, 2));
     }
     transfer.corners[slot] = coarse_of_root[root];
   }
@@ -188,11 +218,17 @@ std::vector<int> aggregate(const LevelMatrix& matrix, int& count) {
 
 }  // namespace
 
-double mean_edge_length(const LevelMatrix& matrix, const Field3& positions) {
+double mean_edge_length(const LevelMatrix& matrix, const Field3& positions, ThreadTeam& team) {
+  const int blocks = even_block_count(matrix.size(), kItemsPerBlock);
+  std::vector<double> sums(static_cast<std::size_t>(blocks), 0.0);
+  team.for_each_block(blocks, [&](int block) {
+    const int end = even_block_begin(matrix.size(), blocks, block + 1);
+    for (int i = even_block_begin(matrix.size(), blocks, block); i < end; ++i)
+      for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
+        sums[block] += (positions.row(i) - positions.row(matrix.neighbors[k])).norm();
+  });
   double sum = 0;
-  for (int i = 0; i < matrix.size(); ++i)
-    for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
-      sum += (positions.row(i) - positions.row(matrix.neighbors[k])).norm();
+  for (double part : sums) sum += part;
   return matrix.neighbors.empty() ? 0 : sum / static_cast<double>(matrix.neighbors.size());
 }
 
@@ -202,27 +238,34 @@ void trilinear_weights(const float* place, float* weights) {
                  ((k & 4) != 0 ? place[2] : 1 - place[2]);
 }
 
-PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& positions, double cell) {
+PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& positions, double cell,
+                                   ThreadTeam& team) {
   const int n = matrix.size();
   const Eigen::RowVector3d origin = positions.colwise().minCoeff();
   std::vector<Cell> cell_of_node(static_cast<std::size_t>(n));
-  for (int i = 0; i < n; ++i)
-    cell_of_node[i] = ((positions.row(i) - origin) / cell).array().floor().matrix().transpose();
-  const Pieces pieces = flood_cells(matrix, cell_of_node);
+  std::vector<CellKey> key_of_node(static_cast<std::size_t>(n));
+  for_items(team, n, [&](int i) {
+    for (int axis = 0; axis < 3; ++axis)
+      cell_of_node[i][axis] = static_cast<int>((positions(i, axis) - origin[axis]) / cell);
+    key_of_node[i] = key_of(cell_of_node[i]);
+  });
+  const Pieces pieces = flood_cells(matrix, cell_of_node, key_of_node);
 
   PieceCoarsening result;
   PieceTransfer& transfer = result.transfer;
   transfer.linear = true;
   group_nodes(pieces.of_node, static_cast<int>(pieces.cells.size()), transfer);
-  transfer.places.reserve(3 * static_cast<std::size_t>(n));
-  for (int node : transfer.nodes)
+  transfer.places.resize(3 * static_cast<std::size_t>(n));
+  for_items(team, n, [&](int entry) {
+    const int node = transfer.nodes[entry];
     for (int axis = 0; axis < 3; ++axis)
-      transfer.places.push_back(
-          static_cast<float>((positions(node, axis) - origin[axis]) / cell - cell_of_node[node][axis]));
+      transfer.places[3 * static_cast<std::size_t>(entry) + axis] =
+          static_cast<float>((positions(node, axis) - origin[axis]) / cell - cell_of_node[node][axis]);
+  });
 
   DisjointSets corners(static_cast<int>(pieces.cells.size()) * kCorners);
   unite_joined_pieces(matrix, pieces, transfer, corners);
-  const std::vector<char> used = corners_in_use(transfer, corners);
+  const std::vector<char> used = corners_in_use(transfer, corners, team);
   number_corners(pieces.cells, used, corners, result);
   list_corner_uses(transfer);
   return result;

@@ -38,8 +38,8 @@ TEST(Hierarchy, the_first_transfer_reproduces_linear_functions) {
   ThreadTeam team(1);
   const Hierarchy hierarchy(problem.system, {.coarsest_size = 100}, team);
   LevelMatrix finest = hierarchy.members().matrices.front();
-  const double cell = 2.75 * mean_edge_length(finest, problem.system.rest_positions);
-  const PieceCoarsening coarse = coarsen_by_lattice(finest, problem.system.rest_positions, cell);
+  const double cell = 2.75 * mean_edge_length(finest, problem.system.rest_positions, team);
+  const PieceCoarsening coarse = coarsen_by_lattice(finest, problem.system.rest_positions, cell, team);
   const Eigen::MatrixXd P = dense(coarse.transfer);
   EXPECT_LT((P.rowwise().sum().array() - 1).abs().maxCoeff(), 1e-6);
   const Eigen::RowVector3d origin = problem.system.rest_positions.colwise().minCoeff();
@@ -128,7 +128,7 @@ TEST(Hierarchy, prints_its_levels) {
   out << hierarchy_of(graphs::path(12), {});
   EXPECT_EQ(out.str(),
             "level      nodes      entries        bytes\n"
-            "    0         10           18          472\n"
+            "    0         10           18          400\n"
             "operator complexity 1, last level factored\n");
   std::ostringstream large;
   large << hierarchy_of(graphs::path(30002), {.max_levels = 1});

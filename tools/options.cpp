@@ -22,11 +22,16 @@ const std::map<std::string, ProgressStyle> kProgressStyles = {{"auto", ProgressS
                                                               {"json", ProgressStyle::json},
                                                               {"none", ProgressStyle::none}};
 
-void add_common(CLI::App& verb, CommonOptions& common) {
+/// For verbs that have nothing more to say when asked.
+void add_quiet_and_progress(CLI::App& verb, CommonOptions& common) {
   verb.add_flag("-q,--quiet", common.quiet, "Print errors only");
-  verb.add_flag("-v,--verbose", common.verbose, "Print what each stage found");
   verb.add_option("--progress", common.progress, "auto, bar, plain, json or none")
       ->transform(CLI::CheckedTransformer(kProgressStyles, CLI::ignore_case).description(""));
+}
+
+void add_common(CLI::App& verb, CommonOptions& common) {
+  add_quiet_and_progress(verb, common);
+  verb.add_flag("-v,--verbose", common.verbose, "Print what each stage found");
 }
 
 CLI::Validator one_of(std::initializer_list<std::string> names) {
@@ -101,7 +106,7 @@ void add_bench_common(CLI::App& verb, BenchOptions& options) {
   verb.add_option("--limit-gigabytes", options.limit_gigabytes, "Most memory a solver may take")
       ->check(CLI::Range(0.5, 4096.0).description(""))
       ->capture_default_str();
-  add_common(verb, options.common);
+  add_quiet_and_progress(verb, options.common);
 }
 
 void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
@@ -143,7 +148,7 @@ void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
       ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
   verb->add_flag("!--no-cholesky", options.cholesky, "Without CHOLMOD beside it");
-  verb->add_option("--save", options.save, "Keep this run's times and counts, to compare with later");
+  verb->add_option("--save", options.save, "Keep this run's times and counts, for --against");
   verb->add_option("--against", options.against, "Compare with a kept run; exit code 4 when this one is slower");
   verb->add_option("--max-slowdown", options.max_slowdown, "Time over the kept run's that is still allowed")
       ->check(CLI::Range(1.0, 100.0).description(""))

@@ -14,6 +14,14 @@ using nlohmann::json;
 
 constexpr const char* kProgram = "sinew-bench-peer";
 
+/// A sanitizer's shadow memory would not fit any limit on the address space.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kLimitMemory = false;
+#else
+constexpr bool kLimitMemory = true;
+#endif
+constexpr double kNoLimit = 1e9;  // megabytes
+
 /// Beside the running program, where installation and build put it.
 std::string peer_program() {
   std::error_code ignored;
@@ -74,7 +82,7 @@ PeerResult median_of(const std::vector<PeerResult>& rounds) {
 }
 
 std::vector<std::string> peers_at_hand() {
-  const WorkerResult list = run_worker(peer_program(), {}, {.seconds = 20.0, .megabytes = 20000.0});
+  const WorkerResult list = run_worker(peer_program(), {}, {.seconds = 20.0, .megabytes = kNoLimit});
   if (!list.failure.empty()) throw std::runtime_error(std::string(kProgram) + " " + list.failure);
   std::vector<std::string> names;
   std::istringstream lines(list.output);
@@ -87,7 +95,8 @@ PeerResult run_peer(const std::string& solver, const std::filesystem::path& file
   const json job = {{"solver", solver},          {"file", file.string()},     {"threads", limits.threads},
                     {"repeats", limits.repeats}, {"seconds", limits.seconds}, {"tolerances", tolerances}};
   // The job's own alarm counts the wall clock; this limit also counts the processor time of all threads.
-  const WorkerLimits worker{.seconds = limits.seconds * limits.threads + 10.0, .megabytes = limits.megabytes};
+  const WorkerLimits worker{.seconds = limits.seconds * limits.threads + 10.0,
+                            .megabytes = kLimitMemory ? limits.megabytes : kNoLimit};
   const WorkerResult run = run_worker(peer_program(), job.dump(), worker);
   if (run.failure.empty()) return read_result(run.output);
   PeerResult result;

@@ -62,6 +62,35 @@ std::string markdown_of(const std::string& first_line, const std::vector<Table>&
   return text;
 }
 
+/// The frames asked for. Throws std::invalid_argument, one line for people.
+FrameRange frames_of(const BenchFramesOptions& options, const Motion& motion) {
+  if (options.frames.empty()) return {0, motion.frame_count() - 1, 1};
+  const FrameRange range = resolve(parse_frame_range(options.frames), motion.frame_count());
+  if (range.step != 1)
+    throw std::invalid_argument("--frames: found '" + options.frames + "', expected no step here");
+  return range;
+}
+
+Motion motion_of(const BenchFramesOptions& options, const Scene& scene) {
+  Motion motion =
+      retarget(options.clip.empty() ? samples::walk_clip() : read_bvh(options.clip), scene.skeleton);
+  motion.name = options.clip.empty() ? "walk" : options.clip.stem().string();
+  return motion;
+}
+
+std::optional<Baseline> baseline_of(const BenchFramesOptions& options) {
+  if (options.against.empty()) return std::nullopt;
+  return read_baseline(options.against);
+}
+
+ExitCode judge(const Baseline& before, const Baseline& now, double max_slowdown) {
+  const Comparison comparison = compare(before, now, max_slowdown);
+  for (const std::string& line : comparison_lines(comparison, max_slowdown)) std::cout << line << '\n';
+  if (comparison.passed()) return ExitCode::ok;
+  std::cerr << "error: slower than the baseline\n";
+  return ExitCode::unusable_input;
+}
+
 }  // namespace
 
 ExitCode run_bench_solver(const BenchSolverOptions& options) {
@@ -96,39 +125,6 @@ ExitCode run_bench_solver(const BenchSolverOptions& options) {
     write_markdown_section(options.markdown, "sinew bench solver", markdown_of(machine, tables));
   return ExitCode::ok;
 }
-
-namespace {
-
-/// The frames asked for. Throws std::invalid_argument, one line for people.
-FrameRange frames_of(const BenchFramesOptions& options, const Motion& motion) {
-  if (options.frames.empty()) return {0, motion.frame_count() - 1, 1};
-  const FrameRange range = resolve(parse_frame_range(options.frames), motion.frame_count());
-  if (range.step != 1)
-    throw std::invalid_argument("--frames: found '" + options.frames + "', expected no step here");
-  return range;
-}
-
-Motion motion_of(const BenchFramesOptions& options, const Scene& scene) {
-  Motion motion =
-      retarget(options.clip.empty() ? samples::walk_clip() : read_bvh(options.clip), scene.skeleton);
-  motion.name = options.clip.empty() ? "walk" : options.clip.stem().string();
-  return motion;
-}
-
-std::optional<Baseline> baseline_of(const BenchFramesOptions& options) {
-  if (options.against.empty()) return std::nullopt;
-  return read_baseline(options.against);
-}
-
-ExitCode judge(const Baseline& before, const Baseline& now, double max_slowdown) {
-  const Comparison comparison = compare(before, now, max_slowdown);
-  for (const std::string& line : comparison_lines(comparison, max_slowdown)) std::cout << line << '\n';
-  if (comparison.passed()) return ExitCode::ok;
-  std::cerr << "error: slower than the baseline\n";
-  return ExitCode::unusable_input;
-}
-
-}  // namespace
 
 ExitCode run_bench_frames(const BenchFramesOptions& options) {
   check_outputs({options.json, options.markdown, options.save});

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "pipeline/worker_process.h"
+#include "skeleton/unusable_input.h"
 #include "tools/bench/statistics.h"
 
 namespace sinew {
@@ -28,7 +29,7 @@ std::string peer_program() {
   const auto self = std::filesystem::read_symlink("/proc/self/exe", ignored);
   const auto program = self.parent_path() / kProgram;
   if (!std::filesystem::exists(program, ignored)) {
-    throw std::runtime_error("there is no " + program.string() + ", which runs the solvers to compare");
+    throw UnusableInput("there is no " + program.string() + ", which runs the solvers to compare");
   }
   return program;
 }

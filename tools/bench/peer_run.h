@@ -42,15 +42,16 @@ struct PeerLimits {
   double megabytes = 20000.0;  ///< its address space
 };
 
-/// The solvers that the program sinew-bench-peer beside this one knows. Throws std::runtime_error when it
-/// is not there.
+/// The solvers that the program sinew-bench-peer beside this one knows. Throws UnusableInput when it is not
+/// there.
 std::vector<std::string> peers_at_hand();
 
 /// The medians of several rounds of one solver on one system, of which the first is taken for what does not
 /// vary; of rounds that failed, the first.
 PeerResult median_of(const std::vector<PeerResult>& rounds);
 
-/// Runs one of them in a process of its own on the system in `file`.
+/// Runs one of them in a process of its own on the system in `file`. Throws UnusableInput when the program is
+/// not there; whatever else goes wrong is the result's failure.
 PeerResult run_peer(const std::string& solver, const std::filesystem::path& file,
                     const std::vector<double>& tolerances, const PeerLimits& limits);
 

@@ -11,7 +11,8 @@ namespace {
 constexpr double kQuantile = 1.645;
 
 void check_positive(const std::vector<double>& values) {
-  const bool good = !values.empty() && std::all_of(values.begin(), values.end(), [](double v) { return v > 0.0; });
+  const bool good =
+      !values.empty() && std::all_of(values.begin(), values.end(), [](double v) { return v > 0.0; });
   if (!good) throw std::invalid_argument("ratio_of: expected one or more positive numbers");
 }
 

@@ -14,10 +14,10 @@ struct Interval {
   double high = 0.0;
 };
 
-/// How many times larger `now` is than `before`: the median of the ratios of all pairs [Hodges, Lehmann 1963],
-/// with the range of 90 % confidence that the ranks of those ratios give [Moses 1965]. A few wild values on
-/// either side hardly move it. Throws std::invalid_argument when a list is empty or holds a number that is not
-/// positive.
+/// How many times larger `now` is than `before`: the median of the ratios of all pairs [Hodges, Lehmann
+/// 1963], with the range of 90 % confidence that the ranks of those ratios give [Moses 1965]. A few wild
+/// values on either side hardly move it. Throws std::invalid_argument when a list is empty or holds a number
+/// that is not positive.
 Interval ratio_of(const std::vector<double>& before, const std::vector<double>& now);
 
 }  // namespace sinew

@@ -91,7 +91,6 @@ struct FrameSolver::Members {
   std::vector<Eigen::Vector3d> held_positions;       // per constrained slot: relative to origin
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // the pose's first joint
   std::unique_ptr<CorrectionWorkspace> workspace;
-  std::vector<double> block_values;  // per block: what it has to say to a sum or a maximum
   std::vector<SystemSize> block_sizes;
 
  private:
@@ -109,8 +108,8 @@ struct FrameSolver::Members {
   void fit_locally();
   void fit_batch(int first, int count);
 
-  void correct_until_good(bool blind, FrameReport& report);
-  double advance(bool first);
+  void correct_until_good(FrameReport& report);
+  void advance(bool first);
   void update_records();
   double measured_residual();
 };
@@ -133,8 +132,7 @@ FrameSolver::Members::Members(const Rig& rig_in, const FrameOptions& options_in,
     const int slot = nodes.slot_of_node[constraint.node];
     if (slot < nodes.free_count) given[slot] = true;
   }
-  block_values.assign(block_count(nodes.free_count), 0.0);
-  block_sizes.resize(block_values.size());
+  block_sizes.resize(block_count(nodes.free_count));
   if (rig.solver) workspace = rig.solver->make_correction_workspace();
 }
 
@@ -288,12 +286,11 @@ void FrameSolver::Members::fit_locally() {
   });
 }
 
-/// Adds the correction to the positions. Returns the longest step.
-double FrameSolver::Members::advance(bool first) {
+/// Adds the correction to the positions.
+void FrameSolver::Members::advance(bool first) {
   const std::span<const Eigen::Vector4f> steps = workspace->correction;
   if (first) starts.judge(steps, [&](int slot) -> const Eigen::Vector4f& { return nodes.places[slot].now; });
   for_each_block(nodes.free_count, [&](int begin, int end) {
-    float longest = 0.0f;
     for (int slot = begin; slot < end; ++slot) {
       Eigen::Vector4f& now = nodes.places[slot].now;
       if (first) {
@@ -304,15 +301,8 @@ double FrameSolver::Members::advance(bool first) {
         starts.move(slot, steps[slot]);
         now += steps[slot];
       }
-      const float square = steps[slot].squaredNorm();
-      // Written so that what is not a number does not pass for small.
-      longest = square <= longest ? longest : square;
     }
-    block_values[begin / kBlock] = longest;
   });
-  double longest = 0.0;
-  for (const double value : block_values) longest = value <= longest ? longest : value;
-  return std::sqrt(longest);
 }
 
 void FrameSolver::Members::update_records() {
@@ -322,7 +312,7 @@ void FrameSolver::Members::update_records() {
 }
 
 /// One solve, from the start in the records to positions in the places.
-void FrameSolver::Members::correct_until_good(bool blind, FrameReport& report) {
+void FrameSolver::Members::correct_until_good(FrameReport& report) {
   ++report.solves;
   if (!workspace) return;
   const double tolerance = std::max(options.tolerance, kLeastTolerance);
@@ -338,7 +328,8 @@ void FrameSolver::Members::correct_until_good(bool blind, FrameReport& report) {
     });
     timed(FrameStage::solve, report, [&] {
       const CorrectionReport step = rig.solver->correct(first ? Reach::far : Reach::near, *workspace);
-      error = step.error_left * advance(first);
+      error = step.error_left;
+      advance(first);
       cycles += std::max(step.cycles, 1);
       report.cycles += step.cycles;
     });
@@ -346,7 +337,6 @@ void FrameSolver::Members::correct_until_good(bool blind, FrameReport& report) {
   } while (!(error <= tolerance) && cycles < options.max_cycles);
   report.error = error <= report.error ? report.error : error;
   report.converged = report.converged && error <= tolerance;
-  static_cast<void>(blind);
 }
 
 double FrameSolver::Members::measured_residual() {
@@ -369,21 +359,20 @@ FrameReport FrameSolver::Members::solve(const Pose& pose) {
   FrameReport report;
   report.converged = true;
   origin = pose.positions.front();
-  const bool blind = starts.blind();
   timed(FrameStage::start, report, [&] { starts.read(pose); });
   timed(FrameStage::rotations, report, [&] {
     starts.choose(0);
     blend(pose);
     pin(pose);
   });
-  correct_until_good(blind, report);
+  correct_until_good(report);
   const int iterations = options.deform == Deform::refined ? options.local_global : 0;
   for (int iteration = 1; iteration <= iterations; ++iteration) {
     timed(FrameStage::local, report, [&] {
       starts.choose(iteration);
       fit_locally();
     });
-    correct_until_good(blind, report);
+    correct_until_good(report);
   }
   starts.end_frame();
   if (options.measure_residual)

@@ -38,8 +38,6 @@ class Starts {
   Starts(int free_count, int solves, Extrapolation extrapolation, std::unique_ptr<PositionModel> model);
 
   void forget() { known_ = 0; }
-  /// Whether nothing is known of any frame before.
-  bool blind() const { return known_ == 0 && !model_; }
 
   /// Once a frame, before its first solve.
   void read(const Pose& pose);

@@ -223,17 +223,26 @@ void Cycle<kWidth>::v_cycle() {
 
 template <int kWidth>
 void Cycle<kWidth>::full_cycle() {
+  descend();
+  finish();
+}
+
+template <int kWidth>
+void Cycle<kWidth>::descend() {
   for (int level = 0; level < last_level(); ++level) restrict_from(level, b(level));
   solve_last_level();
   for (int level = last_level() - 1; level >= 0; --level) {
     interpolate(level);
-    if (finished_by_smoothing(hierarchy_, level)) {
-      smooth_forward(level, kFinishingSweeps);
-      smooth_backward(level, kFinishingSweeps);
-    } else {
-      improve(level);
-    }
+    if (level > 0) improve(level);
   }
+}
+
+template <int kWidth>
+void Cycle<kWidth>::finish() {
+  if (last_level() == 0) return;
+  if (!finished_by_smoothing(hierarchy_, 0)) return improve(0);
+  smooth_forward(0, kFinishingSweeps);
+  smooth_backward(0, kFinishingSweeps);
 }
 
 template <int kWidth>

@@ -56,6 +56,9 @@ class Cycle {
   /// that is finished_by_smoothing gets no V-cycle [Bornemann, Deuflhard 1996]: the coarse answer is already
   /// the best one of its kind, and what is left is rough.
   void full_cycle();
+  /// Its two halves: everything up to the interpolated coarse answer, and what the finest level makes of it.
+  void descend();
+  void finish();
 
   /// The steps full multigrid is made of.
   void improve(int level);  ///< one V-cycle on solution(level), whatever is in it

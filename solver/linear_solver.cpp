@@ -9,7 +9,7 @@ namespace {
 
 /// Far below what single precision keeps of a correction that is added to positions.
 constexpr double kCorrectionTolerance = 1e-6;
-/// Errors are up to 23 times as large, relatively, as residuals.
+/// Of the largest correction. Errors are up to 23 times as large, relatively, as residuals.
 constexpr double kErrorLeft = 23 * kCorrectionTolerance;
 constexpr int kMostCorrectionCycles = 2000;
 
@@ -43,7 +43,7 @@ CorrectionReport LinearSolver::correct(Reach, CorrectionWorkspace& workspace) co
   const SolveReport report = solve(own->b, own->x, options, *own->workspace);
   for (int i = 0; i < size(); ++i)
     own->correction_rows[i].head<3>() = own->x.row(i).transpose().cast<float>();
-  return {report.cycles, kErrorLeft};
+  return {report.cycles, kErrorLeft * own->x.rowwise().norm().maxCoeff()};
 }
 
 }  // namespace sinew

@@ -62,7 +62,7 @@ class CorrectionWorkspace {
 /// What a correction was worth.
 struct CorrectionReport {
   int cycles = 0;         ///< as SolveReport::cycles
-  double error_left = 0;  ///< estimate: the largest error of any node left, as a share of the largest correction
+  double error_left = 0;  ///< estimate: the largest error of any node left, in the unit of the correction
 };
 
 /// The one interface all solvers stand behind: prepared once for a matrix, asked every frame.

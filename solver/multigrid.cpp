@@ -22,7 +22,8 @@ constexpr int kRowsPerBlock = 4096;
 /// Numbers a loop over the nodes may sum up.
 constexpr int kSums = 3;
 
-constexpr double kErrorLeftFar = 0.05;
+// Largest errors left, in terms of what the finest level's last treatment moved.
+constexpr double kErrorLeftFar = 0.5;
 constexpr double kErrorLeftNear = 0.5;
 
 // The finest matrix in double, on the index arrays of the hierarchy's finest level.
@@ -66,10 +67,31 @@ struct CorrectionCycle : CorrectionWorkspace {
     const auto n = static_cast<std::size_t>(made_for.members().matrices.front().size());
     residual = {finest.b.as<Eigen::Vector4f>(), n};
     correction = {finest.x.as<Eigen::Vector4f>(), n};
+    interpolated = AlignedMemory(n * sizeof(Eigen::Vector4f));
+    block_largest.resize(even_block_count(static_cast<int>(n), kRowsPerBlock));
   }
   const Hierarchy* hierarchy;
   CycleMemory memory;
+  AlignedMemory interpolated;  // n rows
+  std::vector<float> block_largest;
 };
+
+// The longest of the rows' differences; of the rows themselves without a second array.
+double longest_row(ThreadTeam& team, std::span<const Eigen::Vector4f> rows, const Eigen::Vector4f* minus,
+                   std::vector<float>& block_largest) {
+  const int n = static_cast<int>(rows.size()), blocks = static_cast<int>(block_largest.size());
+  team.for_each_block(blocks, [&](int block) {
+    float largest = 0;
+    for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
+      const float square = (minus ? Eigen::Vector4f(rows[i] - minus[i]) : rows[i]).squaredNorm();
+      largest = square <= largest ? largest : square;  // what is not a number passes for large
+    }
+    block_largest[block] = largest;
+  });
+  float largest = 0;
+  for (const float of_block : block_largest) largest = of_block <= largest ? largest : of_block;
+  return std::sqrt(static_cast<double>(largest));
+}
 
 // Solves for up to kWidth columns of b and x, beginning with column `first`. Lanes beyond the last
 // column hold zeros and stay zero.
@@ -457,8 +479,15 @@ CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& work
     refuse_correction_workspace("MultigridSolver");
   Cycle<4> cycle(members_->hierarchy.members(), members_->options.smoothing_sweeps, members_->team,
                  own->memory);
-  reach == Reach::far ? cycle.full_cycle() : cycle.v_cycle();
-  return {1, reach == Reach::far ? kErrorLeftFar : kErrorLeftNear};
+  if (reach == Reach::near) {
+    cycle.v_cycle();
+    return {1, kErrorLeftNear * longest_row(members_->team, own->correction, nullptr, own->block_largest)};
+  }
+  auto* const interpolated = own->interpolated.as<Eigen::Vector4f>();
+  cycle.descend();
+  std::copy(own->correction.begin(), own->correction.end(), interpolated);
+  cycle.finish();
+  return {1, kErrorLeftFar * longest_row(members_->team, own->correction, interpolated, own->block_largest)};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

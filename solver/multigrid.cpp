@@ -22,8 +22,9 @@ constexpr int kRowsPerBlock = 4096;
 /// Numbers a loop over the nodes may sum up.
 constexpr int kSums = 3;
 
-// Largest errors left, in terms of what the finest level's last treatment moved.
-constexpr double kErrorLeftFar = 0.5;
+// Largest errors left, in terms of what the finest level's last treatment moved. Measured over clips of fast
+// motion: up to 2.2 after full multigrid, 0.25 after a V-cycle.
+constexpr double kErrorLeftFar = 1.5;
 constexpr double kErrorLeftNear = 0.5;
 
 // The finest matrix in double, on the index arrays of the hierarchy's finest level.

@@ -78,8 +78,9 @@ Inputs read_inputs(const AnimateCommandOptions& options) {
     rig = gltf->rig();
   }
   if (!rig) {
-    throw UnusableInput(options.mesh.string() +
-                        ": no skeleton in it: give --rig FILE, which says where the joints are (docs/rig-file.md)");
+    throw UnusableInput(
+        options.mesh.string() +
+        ": no skeleton in it: give --rig FILE, which says where the joints are (docs/rig-file.md)");
   }
   inputs.rig = std::move(*rig);
   inputs.motion = read_motion(options, gltf, inputs.rig);
@@ -111,16 +112,19 @@ ExitCode check_output(const AnimateCommandOptions& options) {
   };
   const fs::path folder = options.output.has_parent_path() ? options.output.parent_path() : ".";
   if (!fs::is_directory(folder)) {
-    return refuse(options.output.string() + ": there is no folder " + folder.string(), ExitCode::input_output);
+    return refuse(options.output.string() + ": there is no folder " + folder.string(),
+                  ExitCode::input_output);
   }
   std::error_code ignored;
   for (const fs::path& input : {options.mesh, options.clip, options.rig}) {
     if (!input.empty() && fs::equivalent(options.output, input, ignored)) {
-      return refuse(options.output.string() + ": is an input of this run; choose another output", ExitCode::usage);
+      return refuse(options.output.string() + ": is an input of this run; choose another output",
+                    ExitCode::usage);
     }
   }
   if (options.format != "obj" && fs::is_directory(options.output)) {
-    return refuse(options.output.string() + ": is a folder; expected the name of a .glb file", ExitCode::usage);
+    return refuse(options.output.string() + ": is a folder; expected the name of a .glb file",
+                  ExitCode::usage);
   }
   const fs::path first = options.format == "obj" ? numbered(options.output, 1) : options.output;
   if (!fs::exists(first) || options.overwrite == Overwrite::yes) return ExitCode::ok;
@@ -164,13 +168,15 @@ std::vector<std::pair<std::string, std::string>> option_records(const AnimateCom
           {"solver", options.solver},
           {"hierarchy", options.hierarchy},
           {"tolerance", as_text(options.tolerance)},
+          {"start", options.start},
           {"format", options.format},
           {"gltf-tolerance", as_text(options.gltf_tolerance)}};
 }
 
 std::vector<InputRecord> input_records(const AnimateCommandOptions& options) {
   std::vector<InputRecord> records;
-  for (const auto& [role, path] : {std::pair{"mesh", options.mesh}, {"clip", options.clip}, {"rig", options.rig}}) {
+  for (const auto& [role, path] :
+       {std::pair{"mesh", options.mesh}, {"clip", options.clip}, {"rig", options.rig}}) {
     if (!path.empty()) records.push_back(describe_input(role, path));
   }
   return records;
@@ -224,10 +230,19 @@ class FrameSink {
   GltfWriter gltf_;
 };
 
+Start start_named(const std::string& name) {
+  if (name == "zero") return Start::zero;
+  if (name == "previous") return Start::previous;
+  if (name == "linear") return Start::linear;
+  if (name == "quadratic") return Start::quadratic;
+  return Start::automatic;
+}
+
 AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRange& frames) {
   AnimateOptions result;
   result.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
   result.frame.tolerance = options.tolerance;
+  result.frame.start = start_named(options.start);
   result.frame.measure_residual = !options.report.empty();
   result.first_frame = frames.first;
   result.last_frame = frames.last;
@@ -235,8 +250,9 @@ AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRa
 }
 
 /// Solves the frames and hands the wanted ones on. Returns how many those were.
-int solve_frames(const Rig& rig, const Motion& motion, const AnimateCommandOptions& options, const FrameRange& frames,
-                 ThreadTeam& team, FrameSink& sink, Report& report, Progress& progress) {
+int solve_frames(const Rig& rig, const Motion& motion, const AnimateCommandOptions& options,
+                 const FrameRange& frames, ThreadTeam& team, FrameSink& sink, Report& report,
+                 Progress& progress) {
   const int wanted = (frames.last - frames.first) / frames.step + 1;
   int done = 0;
   TimingReport timing;
@@ -275,7 +291,8 @@ ExitCode run_animate(const AnimateCommandOptions& options) {
   take(report, inputs.motion.warnings, quiet);
   FrameRange frames{0, inputs.motion.frame_count() - 1, 1};
   try {
-    if (!options.frames.empty()) frames = resolve(parse_frame_range(options.frames), inputs.motion.frame_count());
+    if (!options.frames.empty())
+      frames = resolve(parse_frame_range(options.frames), inputs.motion.frame_count());
   } catch (const std::invalid_argument& error) {
     std::cerr << "error: " << error.what() << '\n';
     return ExitCode::usage;

@@ -42,6 +42,7 @@ struct AnimateCommandOptions {
   std::string deform = "refined";
   std::string format = "pca";
   double tolerance = 1e-4;
+  std::string start = "auto";
   double gltf_tolerance = 1e-3;
   int threads = 0;
   bool in_place = false;

@@ -70,6 +70,9 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
                    "Largest error of any vertex, as a share of the body's diagonal, estimated")
       ->check(CLI::Range(1e-14, 1.0).description(""))
       ->capture_default_str();
+  verb->add_option("--start", options.start,
+                   "Where a frame's solve begins: auto, zero, previous, linear or quadratic")
+      ->check(one_of({"auto", "zero", "previous", "linear", "quadratic"}));
   verb->add_option("--format", options.format,
                    "pca (few morph targets), exact (one per frame) or obj (a file per frame)")
       ->check(one_of({"pca", "exact", "obj"}));
@@ -91,15 +94,18 @@ void add_inspect(CLI::App& app, InspectOptions& options) {
 }
 
 void add_bench_common(CLI::App& verb, BenchOptions& options) {
-  verb.add_option("--mesh", options.meshes, "Body: ogre, armadillo, armadillo_loop2, human_man, camel, koala (default: all)")
+  verb.add_option("--mesh", options.meshes,
+                  "Body: ogre, armadillo, armadillo_loop2, human_man, camel, koala (default: all)")
       ->delimiter(',')
       ->check(one_of({"ogre", "armadillo", "armadillo_loop2", "human_man", "camel", "koala"}));
   verb.add_option("--data", options.data, "Folder of the meshes (all but the ogre, which is a sample)")
       ->envname("SINEW_SHARED_DATA");
-  verb.add_option("--samples", options.samples, "Folder of the ogre and the rig files (default: samples of the source)");
+  verb.add_option("--samples", options.samples,
+                  "Folder of the ogre and the rig files (default: samples of the source)");
   verb.add_option("--json", options.json, "Write every number as JSON");
   verb.add_option("--markdown", options.markdown, "Put the tables into this page, between its markers");
-  verb.add_option("-j,--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 1024).description(""));
+  verb.add_option("-j,--threads", options.threads, "Threads (default: all)")
+      ->check(CLI::Range(1, 1024).description(""));
   verb.add_option("--limit-seconds", options.limit_seconds, "Longest a solver may take on one system")
       ->check(CLI::Range(1.0, 86400.0).description(""))
       ->capture_default_str();
@@ -110,7 +116,8 @@ void add_bench_common(CLI::App& verb, BenchOptions& options) {
 }
 
 void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
-  CLI::App* verb = bench.add_subcommand("solver", "One frame's system, by our multigrid and by every other solver found");
+  CLI::App* verb =
+      bench.add_subcommand("solver", "One frame's system, by our multigrid and by every other solver found");
   add_bench_common(*verb, options);
   options.sizes = {100000, 500000};
   verb->add_option("--sizes", options.sizes, "Free vertices wanted (within 10 %), with commas between")
@@ -124,15 +131,18 @@ void add_bench_solver(CLI::App& bench, BenchSolverOptions& options) {
   verb->add_option("--rounds", options.rounds, "Turns every solver takes, with the others in between")
       ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
-  verb->add_option("--solvers", options.solvers, "Only these: sinew, shi2006, cholmod, hypre, trilinos_ml, amgcl, eigen_pcg")
+  verb->add_option("--solvers", options.solvers,
+                   "Only these: sinew, shi2006, cholmod, hypre, trilinos_ml, amgcl, eigen_pcg")
       ->delimiter(',')
       ->check(one_of({"sinew", "shi2006", "cholmod", "hypre", "trilinos_ml", "amgcl", "eigen_pcg"}));
 }
 
 void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
-  CLI::App* verb = bench.add_subcommand("frames", "A clip frame by frame, stage by stage; compared with an earlier run");
+  CLI::App* verb =
+      bench.add_subcommand("frames", "A clip frame by frame, stage by stage; compared with an earlier run");
   add_bench_common(*verb, options);
-  verb->get_option("--mesh")->expected(1)->description("Body: ogre (default), armadillo, armadillo_loop2, human_man, camel, koala");
+  verb->get_option("--mesh")->expected(1)->description(
+      "Body: ogre (default), armadillo, armadillo_loop2, human_man, camel, koala");
   verb->add_option("--size", options.size, "Free vertices wanted (within 10 %)")
       ->check(CLI::Range(1000, 20000000).description(""))
       ->capture_default_str();
@@ -141,10 +151,12 @@ void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
   verb->add_option("--deform", options.deform, "refined, or paper for Shi 2006 as published")
       ->check(one_of({"refined", "paper"}))
       ->capture_default_str();
-  verb->add_option("--tolerance", options.tolerance, "Largest error of any vertex, as a share of the diagonal")
+  verb->add_option("--tolerance", options.tolerance,
+                   "Largest error of any vertex, as a share of the diagonal")
       ->check(CLI::Range(1e-14, 1.0).description(""))
       ->capture_default_str();
-  verb->add_option("--repeats", options.repeats, "Runs over the frames; a frame's time is the median over them")
+  verb->add_option("--repeats", options.repeats,
+                   "Runs over the frames; a frame's time is the median over them")
       ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
   verb->add_flag("!--no-cholesky", options.cholesky, "Without CHOLMOD beside it");

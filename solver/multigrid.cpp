@@ -27,6 +27,9 @@ constexpr int kSums = 3;
 constexpr double kErrorLeftFar = 1.5;
 constexpr double kErrorLeftNear = 0.5;
 
+// What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.
+constexpr double kSinglePrecision = 1e-5;
+
 // The finest matrix in double, on the index arrays of the hierarchy's finest level.
 struct FineSystem {
   const LevelMatrix* structure = nullptr;
@@ -61,6 +64,12 @@ struct MultigridWorkspace : SolverWorkspace {
   std::optional<EdgeMemory> edges;
 };
 
+// Square lengths of the longest row, and of the longest difference from `before`, if there is one.
+struct Longest {
+  float row = 0;
+  float step = 0;
+};
+
 struct CorrectionCycle : CorrectionWorkspace {
   explicit CorrectionCycle(const Hierarchy& made_for)
       : hierarchy(&made_for), memory(made_for.members(), lanes_for(3)) {
@@ -69,29 +78,33 @@ struct CorrectionCycle : CorrectionWorkspace {
     residual = {finest.b.as<Eigen::Vector4f>(), n};
     correction = {finest.x.as<Eigen::Vector4f>(), n};
     interpolated = AlignedMemory(n * sizeof(Eigen::Vector4f));
-    block_largest.resize(even_block_count(static_cast<int>(n), kRowsPerBlock));
+    of_blocks.resize(even_block_count(static_cast<int>(n), kRowsPerBlock));
   }
   const Hierarchy* hierarchy;
   CycleMemory memory;
   AlignedMemory interpolated;  // n rows
-  std::vector<float> block_largest;
+  std::vector<Longest> of_blocks;
 };
 
-// The longest of the rows' differences; of the rows themselves without a second array.
-double longest_row(ThreadTeam& team, std::span<const Eigen::Vector4f> rows, const Eigen::Vector4f* minus,
-                   std::vector<float>& block_largest) {
-  const int n = static_cast<int>(rows.size()), blocks = static_cast<int>(block_largest.size());
+Longest longest_rows(ThreadTeam& team, std::span<const Eigen::Vector4f> rows, const Eigen::Vector4f* before,
+                     std::vector<Longest>& of_blocks) {
+  const int n = static_cast<int>(rows.size()), blocks = static_cast<int>(of_blocks.size());
+  // Written so that what is not a number passes for large.
+  const auto keep = [](float& largest, float square) { largest = square <= largest ? largest : square; };
   team.for_each_block(blocks, [&](int block) {
-    float largest = 0;
+    Longest longest;
     for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
-      const float square = (minus ? Eigen::Vector4f(rows[i] - minus[i]) : rows[i]).squaredNorm();
-      largest = square <= largest ? largest : square;  // what is not a number passes for large
+      keep(longest.row, rows[i].squaredNorm());
+      if (before) keep(longest.step, (rows[i] - before[i]).squaredNorm());
     }
-    block_largest[block] = largest;
+    of_blocks[block] = longest;
   });
-  float largest = 0;
-  for (const float of_block : block_largest) largest = of_block <= largest ? largest : of_block;
-  return std::sqrt(static_cast<double>(largest));
+  Longest all;
+  for (const Longest& longest : of_blocks) {
+    keep(all.row, longest.row);
+    keep(all.step, longest.step);
+  }
+  return all;
 }
 
 // Solves for up to kWidth columns of b and x, beginning with column `first`. Lanes beyond the last
@@ -482,13 +495,15 @@ CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& work
                  own->memory);
   if (reach == Reach::near) {
     cycle.v_cycle();
-    return {1, kErrorLeftNear * longest_row(members_->team, own->correction, nullptr, own->block_largest)};
+    const Longest longest = longest_rows(members_->team, own->correction, nullptr, own->of_blocks);
+    return {1, kErrorLeftNear * std::sqrt(longest.row)};
   }
   auto* const interpolated = own->interpolated.as<Eigen::Vector4f>();
   cycle.descend();
   std::copy(own->correction.begin(), own->correction.end(), interpolated);
   cycle.finish();
-  return {1, kErrorLeftFar * longest_row(members_->team, own->correction, interpolated, own->block_largest)};
+  const Longest longest = longest_rows(members_->team, own->correction, interpolated, own->of_blocks);
+  return {1, kErrorLeftFar * std::sqrt(longest.step) + kSinglePrecision * std::sqrt(longest.row)};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

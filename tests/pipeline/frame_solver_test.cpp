@@ -35,6 +35,18 @@ bool same_bytes(const Field3& a, const Field3& b) {
   return a.rows() == b.rows() && std::memcmp(a.data(), b.data(), sizeof(double) * a.size()) == 0;
 }
 
+double rest_diagonal(const Rig& rig) {
+  const Field3& rest = rig.volume.rest_positions;
+  return (rest.colwise().maxCoeff() - rest.colwise().minCoeff()).norm();
+}
+
+/// Fine enough for several levels: one cycle is not exact.
+RigOptions fine_options(Deform deform) {
+  RigOptions options = arm_options(deform, SolverKind::multigrid);
+  options.volume.spacing = 0.02;
+  return options;
+}
+
 class FrameSolverForms : public testing::TestWithParam<Deform> {
  protected:
   Rig build(SolverKind kind = SolverKind::cholesky) {
@@ -122,10 +134,8 @@ TEST_P(FrameSolverForms, multigrid_agrees_with_the_direct_solver) {
 
 TEST_P(FrameSolverForms, one_and_two_threads_give_the_same_bytes) {
   ThreadTeam two(2);
-  RigOptions options = arm_options(GetParam(), SolverKind::multigrid);
-  options.volume.spacing = 0.02;
-  const Rig rig_one = build_rig(arm_mesh(), arm_skeleton(), options, team_);
-  const Rig rig_two = build_rig(arm_mesh(), arm_skeleton(), options, two);
+  const Rig rig_one = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
+  const Rig rig_two = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), two);
   const Pose pose = bent_arm(100, 60);
   EXPECT_TRUE(same_bytes(solved(rig_one, exact(GetParam(), 1e-4), pose, team_),
                          solved(rig_two, exact(GetParam(), 1e-4), pose, two)));
@@ -215,7 +225,7 @@ TEST_P(FrameSolverForms, the_answer_hardly_depends_on_where_it_starts) {
 }
 
 TEST_P(FrameSolverForms, after_forgetting_the_bytes_are_those_of_a_first_frame) {
-  const Rig rig = build(SolverKind::multigrid);
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
   FrameSolver solver(rig, exact(GetParam(), 1e-4), team_);
   const Field3 first = solved(rig, exact(GetParam(), 1e-4), bent_arm(70, 20), team_);
   for (const double degrees : {0.0, 17.0, 39.0, 50.0}) solver.solve(bent_arm(degrees, 20));
@@ -225,7 +235,7 @@ TEST_P(FrameSolverForms, after_forgetting_the_bytes_are_those_of_a_first_frame) 
 }
 
 TEST_P(FrameSolverForms, steady_motion_needs_fewer_cycles_than_frames_solved_from_nothing) {
-  const Rig rig = build(SolverKind::multigrid);
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
   const auto cycles_of = [&](Start start) {
     FrameOptions options = exact(GetParam(), 1e-5);
     options.start = start;
@@ -237,10 +247,23 @@ TEST_P(FrameSolverForms, steady_motion_needs_fewer_cycles_than_frames_solved_fro
   EXPECT_LT(cycles_of(Start::automatic), 0.7 * cycles_of(Start::zero));
 }
 
+TEST_P(FrameSolverForms, the_estimated_error_is_at_least_half_of_the_true_one) {
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
+  for (const double tolerance : {1e-2, 1e-4}) {
+    FrameSolver loose(rig, exact(GetParam(), tolerance), team_);
+    FrameSolver tight(rig, exact(GetParam()), team_);
+    for (int frame = 0; frame < 20; ++frame) {
+      const Pose pose = bent_arm(6.0 * frame, 40 * std::sin(frame));
+      const FrameReport report = loose.solve(pose);
+      tight.solve(pose);
+      const double error = largest_difference(positions_of(rig, loose), positions_of(rig, tight));
+      EXPECT_LE(error / rest_diagonal(rig), 2 * report.error + 1e-6) << tolerance << ", frame " << frame;
+    }
+  }
+}
+
 TEST_P(FrameSolverForms, the_measured_residual_is_that_of_the_linear_system) {
-  RigOptions rig_options = arm_options(GetParam(), SolverKind::multigrid);
-  rig_options.volume.spacing = 0.02;  // several levels: one cycle is not exact
-  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), rig_options, team_);
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
   FrameOptions options = exact(Deform::paper, 1e-3);
   options.measure_residual = true;
   FrameSolver solver(rig, options, team_);

@@ -10,6 +10,7 @@
 #include "tools/bench/bandwidth.h"
 #include "tools/bench/bench_files.h"
 #include "tools/bench/posed_system.h"
+#include "tools/bench/statistics.h"
 
 namespace sinew {
 namespace {
@@ -76,8 +77,8 @@ SolverBenchResult run_solver_bench(const SolverBenchOptions& options,
   SolverBenchResult result;
   result.threads = team.thread_count();
   result.processor = describe_machine(result.threads).processor;
-  result.read_bandwidth = read_bandwidth(team);
-  result.one_thread_bandwidth = read_bandwidth(one);
+  std::vector<double> rates;  // after every system: what the memory gives changes from minute to minute
+  std::vector<double> one_thread_rates;
   const TemporaryFile file(".system");
   for (const std::string& mesh : options.meshes) {
     for (const int size : options.sizes) {
@@ -89,6 +90,10 @@ SolverBenchResult run_solver_bench(const SolverBenchOptions& options,
         continue;
       }
       if (!take_turns(resolved, file.path(), result.systems.back(), tell)) return result;
+      rates.push_back(read_bandwidth(team));
+      one_thread_rates.push_back(read_bandwidth(one));
+      result.read_bandwidth = median(rates);
+      result.one_thread_bandwidth = median(one_thread_rates);
     }
   }
   return result;

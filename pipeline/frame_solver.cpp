@@ -36,22 +36,6 @@ int block_count(int count) {
   return (count + kBlock - 1) / kBlock;
 }
 
-Extrapolation extrapolation_of(Start start) {
-  switch (start) {
-    case Start::zero:
-      return Extrapolation::none;
-    case Start::previous:
-      return Extrapolation::constant;
-    case Start::linear:
-      return Extrapolation::linear;
-    case Start::quadratic:
-      return Extrapolation::quadratic;
-    case Start::automatic:
-      break;
-  }
-  return Extrapolation::best;
-}
-
 Eigen::Vector4f with_zero(const Eigen::Vector3d& vector) {
   Eigen::Vector4f four = Eigen::Vector4f::Zero();
   four.head<3>() = vector.cast<float>();
@@ -120,7 +104,7 @@ FrameSolver::Members::Members(const Rig& rig_in, const FrameOptions& options_in,
       team(team_in),
       nodes(rig_in),
       starts(nodes.free_count, options_in.deform == Deform::refined ? 1 + options_in.local_global : 1,
-             extrapolation_of(options_in.start), nullptr),
+             options_in.start),
       pose_rotations(rig_in.skeleton, rig_in.binding) {
   rotations.assign(nodes.slot_count, Eigen::Quaternionf::Identity());
   pose_scales.assign(nodes.slot_count, 1.0f);
@@ -359,7 +343,6 @@ FrameReport FrameSolver::Members::solve(const Pose& pose) {
   FrameReport report;
   report.converged = true;
   origin = pose.positions.front();
-  timed(FrameStage::start, report, [&] { starts.read(pose); });
   timed(FrameStage::rotations, report, [&] {
     starts.choose(0);
     blend(pose);

@@ -1,7 +1,6 @@
 #include "pipeline/starts.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace sinew {
 namespace {
@@ -9,17 +8,17 @@ namespace {
 /// Weights of the last frames in the next one, newest first, for polynomials of degree 0, 1 and 2.
 constexpr float kPolynomials[3][3] = {{1, 0, 0}, {2, -1, 0}, {3, -3, 1}};
 
-int wanted_degree(Extrapolation extrapolation, int best) {
-  switch (extrapolation) {
-    case Extrapolation::none:
+int wanted_degree(Start start, int best) {
+  switch (start) {
+    case Start::zero:
       return -1;
-    case Extrapolation::constant:
+    case Start::previous:
       return 0;
-    case Extrapolation::linear:
+    case Start::linear:
       return 1;
-    case Extrapolation::quadratic:
+    case Start::quadratic:
       return 2;
-    case Extrapolation::best:
+    case Start::automatic:
       break;
   }
   return best;
@@ -27,20 +26,14 @@ int wanted_degree(Extrapolation extrapolation, int best) {
 
 }  // namespace
 
-Starts::Starts(int free_count, int solves, Extrapolation extrapolation, std::unique_ptr<PositionModel> model)
-    : extrapolation_(extrapolation), model_(std::move(model)), histories_(solves) {
+Starts::Starts(int free_count, int solves, Start start) : start_(start), histories_(solves) {
   const SlotRows zero(free_count, Eigen::Vector4f::Zero());
-  if (model_) model_rows_ = zero;
   for (History& history : histories_) history.rows.fill(zero);
-}
-
-void Starts::read(const Pose& pose) {
-  if (model_) model_->evaluate(pose, model_rows_);
 }
 
 void Starts::choose(int solve) {
   solve_ = solve;
-  const int degree = std::min(wanted_degree(extrapolation_, histories_[solve].best_degree), known_ - 1);
+  const int degree = std::min(wanted_degree(start_, histories_[solve].best_degree), known_ - 1);
   terms_ = degree + 1;
   if (terms_ > 0) std::copy_n(kPolynomials[degree], 3, coefficients_.begin());
 }
@@ -65,8 +58,7 @@ void Starts::end_frame() {
 
 std::size_t Starts::bytes() const {
   const std::size_t rows = histories_.empty() ? 0 : histories_.front().rows.front().size();
-  return (3 * histories_.size() + (model_ ? 1 : 0)) * rows * sizeof(Eigen::Vector4f) +
-         (model_ ? model_->bytes() : 0);
+  return 3 * histories_.size() * rows * sizeof(Eigen::Vector4f);
 }
 
 }  // namespace sinew

@@ -12,39 +12,9 @@ constexpr int kCorners = 8;
 constexpr int kPiecesPerBlock = 512;
 constexpr int kRowsPerBlock = 2048;
 
-// Rows of kFewest to kMost entries are summed without a loop: the numbers past the row's end are replaced by
-// that of the spare row, which is zero. Nearly all rows of a volume graph are such (14 neighbors inside),
-// and a loop whose length changes from row to row costs a wrong guess of the processor in every fourth of
-// them: a sixth of a sweep.
-constexpr int kFewest = 6;
-constexpr int kMost = 14;
-typedef int EightPlaces __attribute__((vector_size(32), may_alias, aligned(4)));
-
+// Sum of the weighted neighbors of node i. Two running sums, so that an addition need not wait for the one
+// before it.
 template <int kWidth>
-inline typename Lanes<kWidth>::Float short_row_sum(const int* row, int count, int spare,
-                                                   const typename Lanes<kWidth>::Float* x) {
-  const EightPlaces after = {6, 7, 8, 9, 10, 11, 12, 13};
-  const EightPlaces at =
-      after < count ? *reinterpret_cast<const EightPlaces*>(row + kFewest) : EightPlaces{} + spare;
-  typename Lanes<kWidth>::Float even = x[row[0]], odd = x[row[1]];
-  even += x[row[2]];
-  odd += x[row[3]];
-  even += x[row[4]];
-  odd += x[row[5]];
-  even += x[at[0]];
-  odd += x[at[1]];
-  even += x[at[2]];
-  odd += x[at[3]];
-  even += x[at[4]];
-  odd += x[at[5]];
-  even += x[at[6]];
-  odd += x[at[7]];
-  return even + odd;
-}
-
-// Sum of the weighted neighbors of node i. Uniform weights are not even stored. Two running sums, so
-// that an addition need not wait for the one before it. x has a spare row of zeros behind the nodes.
-template <int kWidth, bool kUniform>
 inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
                                                   const typename Lanes<kWidth>::Float* x, int i) {
   typename Lanes<kWidth>::Float even{}, odd{};
@@ -52,38 +22,172 @@ inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
   const float* const weights = A.weights.data();
   int k = A.offsets[i];
   const int end = A.offsets[i + 1];
-  if constexpr (kUniform) {
-    const bool is_short = end - k >= kFewest && end - k <= kMost;
-    if (is_short && k + kMost <= static_cast<int>(A.neighbors.size()))
-      return short_row_sum<kWidth>(neighbors + k, end - k, A.size(), x) * A.uniform_weight;
-    for (; k + 1 < end; k += 2) {
-      even += x[neighbors[k]];
-      odd += x[neighbors[k + 1]];
-    }
-    if (k < end) even += x[neighbors[k]];
-    return (even + odd) * A.uniform_weight;
-  } else {
-    for (; k + 1 < end; k += 2) {
-      even += weights[k] * x[neighbors[k]];
-      odd += weights[k + 1] * x[neighbors[k + 1]];
-    }
-    if (k < end) even += weights[k] * x[neighbors[k]];
-    return even + odd;
+  for (; k + 1 < end; k += 2) {
+    even += weights[k] * x[neighbors[k]];
+    odd += weights[k + 1] * x[neighbors[k + 1]];
+  }
+  if (k < end) even += weights[k] * x[neighbors[k]];
+  return even + odd;
+}
+
+// The same for weights that are all one number and not even stored.
+template <int kWidth>
+inline typename Lanes<kWidth>::Float plain_neighbor_sum(const LevelMatrix& A,
+                                                        const typename Lanes<kWidth>::Float* x, int i) {
+  typename Lanes<kWidth>::Float sum{};
+  for (int k = A.offsets[i]; k < A.offsets[i + 1]; ++k) sum += x[A.neighbors[k]];
+  return sum * A.uniform_weight;
+}
+
+// The row's own value and its first neighbors; `x` points at the row itself. Four running sums.
+template <int kWidth, typename Step>
+inline typename Lanes<kWidth>::Float short_row_sum(const ShortRow<Step>& row,
+                                                   const typename Lanes<kWidth>::Float* x) {
+  const Step* const steps = row.steps;
+  typename Lanes<kWidth>::Float s0 = x[steps[0]], s1 = x[steps[1]], s2 = x[steps[2]], s3 = x[steps[3]];
+  s0 += x[steps[4]];
+  s1 += x[steps[5]];
+  s2 += x[steps[6]];
+  s3 += x[steps[7]];
+  s0 += x[steps[8]];
+  s1 += x[steps[9]];
+  s2 += x[steps[10]];
+  s3 += x[steps[11]];
+  s0 += x[steps[12]];
+  s1 += x[steps[13]];
+  s2 += row.own * x[0];
+  return (s0 + s1) + (s2 + s3);
+}
+
+template <int kWidth>
+inline typename Lanes<kWidth>::Float rest_sum(const ShortRows& rows, int long_row,
+                                              const typename Lanes<kWidth>::Float* x) {
+  typename Lanes<kWidth>::Float sum{};
+  for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k) sum += x[rows.rest[k]];
+  return sum;
+}
+
+// Calls visit(i, sum of the weighted neighbors) for the rows of [begin, end), ascending.
+template <int kWidth, typename Step, typename Visit>
+inline void ascend(const LevelMatrix& A, const std::vector<ShortRow<Step>>& rows,
+                   const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
+  const std::vector<int>& long_rows = A.short_rows.long_rows;
+  const ShortRow<Step>* const row = rows.data();
+  const float weight = A.uniform_weight;
+  int long_row = A.short_rows.first_long_from(begin);
+  for (int i = begin; i < end; ++i) {
+    const bool is_long = long_row < static_cast<int>(long_rows.size()) && long_rows[long_row] < end;
+    const int stop = is_long ? long_rows[long_row] : end;
+    for (; i < stop; ++i) visit(i, short_row_sum<kWidth>(row[i], x + i) * weight);
+    if (!is_long) return;
+    visit(i, (short_row_sum<kWidth>(row[i], x + i) + rest_sum<kWidth>(A.short_rows, long_row, x)) * weight);
+    ++long_row;
   }
 }
 
-template <int kWidth, bool kUniform>
-void sweep_forward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                   typename Lanes<kWidth>::Float* x, int begin, int end) {
-  for (int i = begin; i < end; ++i)
-    x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
+// The same, descending.
+template <int kWidth, typename Step, typename Visit>
+inline void come_down(const LevelMatrix& A, const std::vector<ShortRow<Step>>& rows,
+                      const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
+  const std::vector<int>& long_rows = A.short_rows.long_rows;
+  const ShortRow<Step>* const row = rows.data();
+  const float weight = A.uniform_weight;
+  int long_row = A.short_rows.first_long_from(end) - 1;
+  for (int i = end - 1; i >= begin; --i) {
+    const bool is_long = long_row >= 0 && long_rows[long_row] >= begin;
+    const int stop = is_long ? long_rows[long_row] : begin - 1;
+    for (; i > stop; --i) visit(i, short_row_sum<kWidth>(row[i], x + i) * weight);
+    if (!is_long) return;
+    visit(i, (short_row_sum<kWidth>(row[i], x + i) + rest_sum<kWidth>(A.short_rows, long_row, x)) * weight);
+    --long_row;
+  }
 }
 
-template <int kWidth, bool kUniform>
+/// How a level keeps its matrix.
+enum class Rows { near, far, plain, weighted };
+
+Rows rows_of(const LevelMatrix& A) {
+  if (!A.short_rows.near.empty()) return Rows::near;
+  if (!A.short_rows.far.empty()) return Rows::far;
+  return A.weights.empty() ? Rows::plain : Rows::weighted;
+}
+
+template <int kWidth, Rows kRows, typename Visit>
+inline void visit_ascending(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int begin, int end,
+                            const Visit& visit) {
+  if constexpr (kRows == Rows::near) {
+    ascend<kWidth>(A, A.short_rows.near, x, begin, end, visit);
+  } else if constexpr (kRows == Rows::far) {
+    ascend<kWidth>(A, A.short_rows.far, x, begin, end, visit);
+  } else {
+    for (int i = begin; i < end; ++i)
+      visit(i, kRows == Rows::plain ? plain_neighbor_sum<kWidth>(A, x, i) : neighbor_sum<kWidth>(A, x, i));
+  }
+}
+
+template <int kWidth, Rows kRows, typename Visit>
+inline void visit_descending(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int begin, int end,
+                             const Visit& visit) {
+  if constexpr (kRows == Rows::near) {
+    come_down<kWidth>(A, A.short_rows.near, x, begin, end, visit);
+  } else if constexpr (kRows == Rows::far) {
+    come_down<kWidth>(A, A.short_rows.far, x, begin, end, visit);
+  } else {
+    for (int i = end - 1; i >= begin; --i)
+      visit(i, kRows == Rows::plain ? plain_neighbor_sum<kWidth>(A, x, i) : neighbor_sum<kWidth>(A, x, i));
+  }
+}
+
+template <int kWidth, Rows kRows>
+void sweep_forward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
+                   typename Lanes<kWidth>::Float* x, int begin, int end) {
+  const float* const inverse = A.inverse_diagonal.data();
+  visit_ascending<kWidth, kRows>(A, x, begin, end,
+                                 [=](int i, const auto& sum) { x[i] = (b[i] + sum) * inverse[i]; });
+}
+
+template <int kWidth, Rows kRows>
 void sweep_backward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
                     typename Lanes<kWidth>::Float* x, int begin, int end) {
-  for (int i = end - 1; i >= begin; --i)
-    x[i] = (b[i] + neighbor_sum<kWidth, kUniform>(A, x, i)) * A.inverse_diagonal[i];
+  const float* const inverse = A.inverse_diagonal.data();
+  visit_descending<kWidth, kRows>(A, x, begin, end,
+                                  [=](int i, const auto& sum) { x[i] = (b[i] + sum) * inverse[i]; });
+}
+
+template <int kWidth, Rows kRows>
+void residual_rows(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
+                   const typename Lanes<kWidth>::Float* x, typename Lanes<kWidth>::Float* r, int begin,
+                   int end) {
+  const float* const diagonal = A.diagonal.data();
+  visit_ascending<kWidth, kRows>(A, x, begin, end,
+                                 [=](int i, const auto& sum) { r[i] = b[i] - diagonal[i] * x[i] + sum; });
+}
+
+/// The three passes over one level's rows.
+template <int kWidth>
+struct Passes {
+  using Float = typename Lanes<kWidth>::Float;
+  void (*forward)(const LevelMatrix&, const Float*, Float*, int, int);
+  void (*backward)(const LevelMatrix&, const Float*, Float*, int, int);
+  void (*residual)(const LevelMatrix&, const Float*, const Float*, Float*, int, int);
+};
+
+template <int kWidth, Rows kRows>
+constexpr Passes<kWidth> kPasses = {sweep_forward<kWidth, kRows>, sweep_backward<kWidth, kRows>,
+                                    residual_rows<kWidth, kRows>};
+
+template <int kWidth>
+Passes<kWidth> passes_over(const LevelMatrix& A) {
+  switch (rows_of(A)) {
+    case Rows::near:
+      return kPasses<kWidth, Rows::near>;
+    case Rows::far:
+      return kPasses<kWidth, Rows::far>;
+    case Rows::plain:
+      return kPasses<kWidth, Rows::plain>;
+    default:
+      return kPasses<kWidth, Rows::weighted>;
+  }
 }
 
 // The eight corner sums of one piece of `fine`. Eight variables rather than an array: they stay in registers.
@@ -175,14 +279,6 @@ inline typename Lanes<kWidth>::Float interpolated(const RowTransfer& P,
   typename Lanes<kWidth>::Float sum = P.own_share[i] * residual[i];
   for (int k = P.offsets[i]; k < P.offsets[i + 1]; ++k) sum += P.values[k] * coarse[P.coarse_nodes[k]];
   return sum;
-}
-
-template <int kWidth, bool kUniform>
-void residual_rows(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                   const typename Lanes<kWidth>::Float* x, typename Lanes<kWidth>::Float* r, int begin,
-                   int end) {
-  for (int i = begin; i < end; ++i)
-    r[i] = b[i] - A.diagonal[i] * x[i] + neighbor_sum<kWidth, kUniform>(A, x, i);
 }
 
 }  // namespace
@@ -288,8 +384,7 @@ void Cycle<kWidth>::sweep_parity(int level, int parity, const Sweep& sweep) {
 
 template <int kWidth>
 void Cycle<kWidth>::smooth_forward(int level, int count) {
-  const auto sweep =
-      hierarchy_.matrices[level].weights.empty() ? sweep_forward<kWidth, true> : sweep_forward<kWidth, false>;
+  const auto sweep = passes_over<kWidth>(hierarchy_.matrices[level]).forward;
   for (int k = 0; k < count; ++k) {
     sweep_parity(level, 0, sweep);
     sweep_parity(level, 1, sweep);
@@ -298,8 +393,7 @@ void Cycle<kWidth>::smooth_forward(int level, int count) {
 
 template <int kWidth>
 void Cycle<kWidth>::smooth_backward(int level, int count) {
-  const auto sweep = hierarchy_.matrices[level].weights.empty() ? sweep_backward<kWidth, true>
-                                                                : sweep_backward<kWidth, false>;
+  const auto sweep = passes_over<kWidth>(hierarchy_.matrices[level]).backward;
   for (int k = 0; k < count; ++k) {
     sweep_parity(level, 1, sweep);
     sweep_parity(level, 0, sweep);
@@ -330,7 +424,7 @@ void Cycle<kWidth>::restrict_from(int level, const Float* fine) {
 template <int kWidth>
 void Cycle<kWidth>::restrict_residual(int level) {
   const LevelMatrix& A = hierarchy_.matrices[level];
-  const auto residual = A.weights.empty() ? residual_rows<kWidth, true> : residual_rows<kWidth, false>;
+  const auto residual = passes_over<kWidth>(A).residual;
   for_runs(team_, A.size(), kRowsPerBlock,
            [&](int begin, int end) { residual(A, b(level), x(level), scratch(level), begin, end); });
   restrict_from(level, scratch(level));

@@ -25,8 +25,14 @@ CycleCost operator*(std::int64_t times, const CycleCost& cost) {
 // A pass over the rows of A that reads b and x and writes a row: a sweep or a residual.
 CycleCost matrix_pass(const LevelMatrix& A) {
   const std::int64_t n = A.size();
-  const auto entries = static_cast<std::int64_t>(A.neighbors.size());
+  const std::int64_t entries = A.entries();
   const bool uniform = A.weights.empty();
+  if (!A.short_rows.empty()) {
+    // Unused steps are read and added too.
+    const auto rest = static_cast<std::int64_t>(A.short_rows.rest.size());
+    return {static_cast<std::int64_t>(A.short_rows.bytes()) + n * (kNumber + 3 * kRow),
+            kLanes * (n * (kShortRow + 5) + rest)};
+  }
   return {entries * (kIndex + (uniform ? 0 : kNumber)) + n * (kIndex + kNumber + 3 * kRow),
           kLanes * (entries * (uniform ? 1 : 2) + n * (uniform ? 3 : 2))};
 }

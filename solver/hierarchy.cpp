@@ -96,6 +96,13 @@ void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options,
   }
 }
 
+// Shi 2006's levels are read along their neighbors to the end, and the smallest systems are never swept.
+void shorten_rows(LevelMatrix& finest) {
+  if (!finest.weights.empty()) return;
+  finest.short_rows = short_rows(finest.offsets, finest.neighbors);
+  std::vector<int>().swap(finest.neighbors);
+}
+
 void check_options(const LinearSystem& system, const HierarchyOptions& options) {
   if (options.coarsest_size < 1)
     throw std::invalid_argument("Hierarchy: coarsest_size is " + std::to_string(options.coarsest_size) +
@@ -116,7 +123,7 @@ void check_options(const LinearSystem& system, const HierarchyOptions& options) 
 
 std::size_t LevelMatrix::bytes() const {
   return bytes_of(offsets) + bytes_of(neighbors) + bytes_of(weights) + bytes_of(diagonal) +
-         bytes_of(inverse_diagonal) + bytes_of(sweep_blocks);
+         bytes_of(inverse_diagonal) + bytes_of(sweep_blocks) + short_rows.bytes();
 }
 
 std::size_t PieceTransfer::bytes() const {
@@ -145,6 +152,8 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
   const LevelMatrix& last = members_->matrices.back();
   if (last.size() <= std::max(kLargestFactor, options.coarsest_size))
     members_->bottom.emplace(to_sparse(last));
+  if (options.coarsening == Coarsening::lattice && members_->matrices.size() > 1)
+    shorten_rows(members_->matrices.front());
 }
 
 Hierarchy::~Hierarchy() = default;
@@ -155,7 +164,7 @@ std::vector<LevelSummary> Hierarchy::levels() const {
   std::vector<LevelSummary> result;
   for (std::size_t level = 0; level < members_->matrices.size(); ++level) {
     const LevelMatrix& matrix = members_->matrices[level];
-    LevelSummary summary{matrix.size(), static_cast<std::int64_t>(matrix.neighbors.size()), matrix.bytes()};
+    LevelSummary summary{matrix.size(), matrix.entries(), matrix.bytes()};
     if (level < members_->transfers.size()) summary.bytes += members_->transfers[level].bytes();
     if (level < members_->descents.size()) summary.bytes += members_->descents[level].bytes();
     result.push_back(summary);

@@ -6,6 +6,7 @@
 
 #include "solver/coarse_factor.h"
 #include "solver/hierarchy.h"
+#include "solver/short_rows.h"
 
 /// Internal to solver/: the flat arrays of a Hierarchy, for the files that build and sweep them.
 namespace sinew {
@@ -13,7 +14,7 @@ namespace sinew {
 /// Symmetric matrix in single precision: A(i,i) = diagonal[i], A(i,j) = -weight of the entry.
 struct LevelMatrix {
   std::vector<int> offsets = {0};  ///< size() + 1
-  std::vector<int> neighbors;      ///< ascending per node
+  std::vector<int> neighbors;      ///< ascending per node; empty where short_rows says the same
   std::vector<float> weights;      ///< alongside neighbors; empty when all equal uniform_weight
   float uniform_weight = 0;
   std::vector<float> diagonal;          ///< positive
@@ -23,7 +24,11 @@ struct LevelMatrix {
   /// all even blocks can be swept at once, and then all odd ones.
   std::vector<int> sweep_blocks;
 
+  /// The finest level's, once the coarser ones are made of it, where its weights are all equal.
+  ShortRows short_rows;
+
   int size() const { return static_cast<int>(offsets.size()) - 1; }
+  int entries() const { return offsets.back(); }
   float weight(int entry) const { return weights.empty() ? uniform_weight : weights[entry]; }
   std::size_t bytes() const;
 };

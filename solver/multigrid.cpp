@@ -212,7 +212,19 @@ class GroupSolve {
     const Double own = at(i);
     Double sum{};
     const int begin = structure_.offsets[i], end = structure_.offsets[i + 1];
-    if (system_.weights.empty()) {
+    if (!structure_.short_rows.empty()) {
+      const ShortRows& rows = structure_.short_rows;
+      if (!rows.near.empty())
+        for (const std::int16_t step : rows.near[i].steps) sum += own - at(i + step);
+      else
+        for (const std::int32_t step : rows.far[i].steps) sum += own - at(i + step);
+      if (end - begin > kShortRow) {
+        const int long_row = rows.first_long_from(i);
+        for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k)
+          sum += own - at(rows.rest[k]);
+      }
+      sum *= system_.uniform_weight;
+    } else if (system_.weights.empty()) {
       for (int k = begin; k < end; ++k) sum += own - at(structure_.neighbors[k]);
       sum *= system_.uniform_weight;
     } else {
@@ -422,12 +434,11 @@ struct MultigridSolver::Members {
   // b = beta + sum of w * wanted.
   void sum_targets(const EdgeTargets& targets, Columns& b) const {
     const LevelMatrix& structure = *system.structure;
-    if (targets.wanted.rows() != static_cast<Eigen::Index>(structure.neighbors.size()) ||
-        targets.beta.rows() != structure.size())
+    if (targets.wanted.rows() != structure.entries() || targets.beta.rows() != structure.size())
       throw std::invalid_argument(
           "MultigridSolver::solve_edge_targets: " + std::to_string(targets.wanted.rows()) +
           " edge rows and " + std::to_string(targets.beta.rows()) + " beta rows; expected " +
-          std::to_string(structure.neighbors.size()) + " and " + std::to_string(structure.size()));
+          std::to_string(structure.entries()) + " and " + std::to_string(structure.size()));
     const int blocks = even_block_count(structure.size(), kRowsPerBlock);
     team.for_each_block(blocks, [&](int block) {
       const int end = even_block_begin(structure.size(), blocks, block + 1);

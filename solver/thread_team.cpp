@@ -1,5 +1,6 @@
 #include "solver/thread_team.h"
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
@@ -14,9 +15,9 @@
 namespace sinew {
 namespace {
 
-/// Looks at a flag this often before sleeping on it: some tens of microseconds, longer than the gap
-/// between two loops of one solve and short against a time slice of the operating system.
-constexpr int kSpins = 2000;
+/// Looks at a flag this often before sleeping on it: some hundreds of microseconds, longer than the serial
+/// steps between two loops of one solve. Waking a thread that sleeps can take as long as a sweep.
+constexpr int kSpins = 10000;
 
 void pause_briefly() {
 #if defined(__x86_64__) || defined(__i386__)
@@ -24,30 +25,52 @@ void pause_briefly() {
 #endif
 }
 
-// A ticket holds the number of the current loop in its upper half and its next unclaimed block in
-// the lower half. Claiming a block is one compare-and-swap of both, so a thread that wakes late, in
-// the middle of a later loop, can never claim a block of it with the body of an earlier one.
-constexpr std::uint64_t kClosed = 0xffffffffu;
+/// The blocks of a loop are dealt out in equal shares, one a thread, each a run of neighboring blocks. A
+/// thread works through its own share and then helps with the others': so long as all are awake, what a
+/// thread wrote in one loop it finds in its own cache in the next.
+///
+/// The ticket of a share holds the number of the loop, the share's next unclaimed block and its end. Claiming
+/// a block is one compare-and-swap of all three, so a thread that wakes late, in the middle of a later loop,
+/// can never claim a block of it with the body of an earlier one, nor one past an earlier end.
+struct alignas(64) Share {
+  std::atomic<std::uint64_t> ticket{0};
+};
 
-std::uint64_t make_ticket(std::uint64_t loop, std::uint64_t block) {
-  return (loop << 32) | block;
+constexpr int kBlockBits = 20;
+constexpr std::uint64_t kBlockMask = (std::uint64_t{1} << kBlockBits) - 1;
+
+/// Loops over more blocks are run in rounds.
+constexpr int kMostBlocks = static_cast<int>(kBlockMask);
+
+std::uint64_t make_ticket(std::uint64_t loop, int block, int end) {
+  return (loop << (2 * kBlockBits)) | (static_cast<std::uint64_t>(block) << kBlockBits) |
+         static_cast<std::uint64_t>(end);
 }
-std::uint64_t block_of(std::uint64_t ticket) {
-  return ticket & 0xffffffffu;
+int block_of(std::uint64_t ticket) {
+  return static_cast<int>((ticket >> kBlockBits) & kBlockMask);
+}
+int end_of(std::uint64_t ticket) {
+  return static_cast<int>(ticket & kBlockMask);
+}
+constexpr std::uint64_t kNextBlock = std::uint64_t{1} << kBlockBits;
+
+int share_begin(int block_count, int share, int shares) {
+  return static_cast<int>(static_cast<std::int64_t>(block_count) * share / shares);
 }
 
 }  // namespace
 
 struct ThreadTeam::Members {
   std::vector<std::thread> workers;
-  std::uint64_t loop = 0;  // only the caller counts
+  std::vector<Share> shares;  // one a thread, the caller's first
+  std::uint64_t loop = 0;     // only the caller counts
 
-  // The loop being run. Written by the caller while the ticket is closed.
+  // The loop being run. Written by the caller while no share has a block left.
   std::atomic<int> block_count{0};
+  std::atomic<int> first_block{0};
   std::atomic<const void*> context{nullptr};
   std::atomic<void (*)(const void*, int)> call{nullptr};
 
-  alignas(64) std::atomic<std::uint64_t> ticket{make_ticket(0, kClosed)};
   alignas(64) std::atomic<std::uint32_t> finished{0};  // blocks of the current loop
   alignas(64) std::atomic<std::uint32_t> started{0};   // loops begun; workers sleep on it
   std::atomic<bool> stopping{false};
@@ -71,21 +94,48 @@ struct ThreadTeam::Members {
     }
   }
 
-  // Claims and runs blocks of the current loop until none is left.
-  void take_part() {
+  // Claims and runs blocks of one share until none is left; returns how many.
+  std::uint32_t work_off(int share) {
+    std::atomic<std::uint64_t>& ticket = shares[share].ticket;
+    std::uint32_t done = 0;
     for (;;) {
       std::uint64_t seen = ticket.load(std::memory_order_acquire);
-      if (block_of(seen) == kClosed) return;
-      const int count = block_count.load(std::memory_order_relaxed);
+      if (block_of(seen) >= end_of(seen)) return done;
+      const int block = first_block.load(std::memory_order_relaxed) + block_of(seen);
       const auto body = call.load(std::memory_order_relaxed);
       const void* const body_context = context.load(std::memory_order_relaxed);
-      const int block = static_cast<int>(block_of(seen));
-      if (block >= count) return;
-      if (!ticket.compare_exchange_weak(seen, seen + 1, std::memory_order_acq_rel)) continue;
+      if (!ticket.compare_exchange_weak(seen, seen + kNextBlock, std::memory_order_acq_rel)) continue;
       run_block(body, body_context, block);
-      if (finished.fetch_add(1, std::memory_order_acq_rel) + 1 == static_cast<std::uint32_t>(count))
-        finished.notify_one();
+      ++done;
     }
+  }
+
+  // Runs blocks of the current loop until none is left, those of the own share first.
+  void take_part(int own_share) {
+    std::uint32_t done = 0;
+    for (int k = 0; k < thread_count(); ++k) done += work_off((own_share + k) % thread_count());
+    if (done == 0) return;
+    const auto count = static_cast<std::uint32_t>(block_count.load(std::memory_order_relaxed));
+    if (finished.fetch_add(done, std::memory_order_acq_rel) + done == count) finished.notify_one();
+  }
+
+  int thread_count() const { return static_cast<int>(shares.size()); }
+
+  void run_round(int first, int count, const void* body_context, void (*body)(const void*, int)) {
+    block_count.store(count, std::memory_order_relaxed);
+    first_block.store(first, std::memory_order_relaxed);
+    context.store(body_context, std::memory_order_relaxed);
+    call.store(body, std::memory_order_relaxed);
+    finished.store(0, std::memory_order_relaxed);
+    ++loop;
+    for (int share = 0; share < thread_count(); ++share)
+      shares[share].ticket.store(make_ticket(loop, share_begin(count, share, thread_count()),
+                                             share_begin(count, share + 1, thread_count())),
+                                 std::memory_order_release);
+    started.fetch_add(1, std::memory_order_release);
+    started.notify_all();
+    take_part(0);
+    wait_for_finish(static_cast<std::uint32_t>(count));
   }
 
   void wait_for_finish(std::uint32_t count) {
@@ -98,10 +148,10 @@ struct ThreadTeam::Members {
       finished.wait(seen, std::memory_order_acquire);
   }
 
-  void work() {
+  void work(int own_share) {
     std::uint32_t known = 0;
     while (!stopping.load(std::memory_order_acquire)) {
-      take_part();
+      take_part(own_share);
       for (int spin = 0; spin < kSpins && started.load(std::memory_order_acquire) == known; ++spin)
         pause_briefly();
       started.wait(known, std::memory_order_acquire);
@@ -112,8 +162,9 @@ struct ThreadTeam::Members {
 
 ThreadTeam::ThreadTeam(int thread_count) : members_(std::make_unique<Members>()) {
   if (thread_count <= 0) thread_count = static_cast<int>(std::thread::hardware_concurrency());
+  members_->shares = std::vector<Share>(thread_count);
   for (int worker = 1; worker < thread_count; ++worker)
-    members_->workers.emplace_back([members = members_.get()] { members->work(); });
+    members_->workers.emplace_back([members = members_.get(), worker] { members->work(worker); });
 }
 
 ThreadTeam::~ThreadTeam() {
@@ -124,7 +175,7 @@ ThreadTeam::~ThreadTeam() {
 }
 
 int ThreadTeam::thread_count() const {
-  return static_cast<int>(members_->workers.size()) + 1;
+  return members_->thread_count();
 }
 
 void ThreadTeam::run(int block_count, const void* context, void (*call)(const void*, int)) {
@@ -133,17 +184,8 @@ void ThreadTeam::run(int block_count, const void* context, void (*call)(const vo
     for (int block = 0; block < block_count; ++block) call(context, block);
     return;
   }
-  m.block_count.store(block_count, std::memory_order_relaxed);
-  m.context.store(context, std::memory_order_relaxed);
-  m.call.store(call, std::memory_order_relaxed);
-  m.finished.store(0, std::memory_order_relaxed);
-  m.ticket.store(make_ticket(++m.loop, 0), std::memory_order_release);
-  m.started.fetch_add(1, std::memory_order_release);
-  m.started.notify_all();
-
-  m.take_part();
-  m.wait_for_finish(static_cast<std::uint32_t>(block_count));
-  m.ticket.store(make_ticket(m.loop, kClosed), std::memory_order_release);
+  for (int first = 0; first < block_count; first += kMostBlocks)
+    m.run_round(first, std::min(kMostBlocks, block_count - first), context, call);
   if (m.error) std::rethrow_exception(std::exchange(m.error, nullptr));
 }
 

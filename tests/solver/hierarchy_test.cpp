@@ -36,8 +36,8 @@ Hierarchy hierarchy_of(const graphs::Body& body, const HierarchyOptions& options
 TEST(Hierarchy, the_first_transfer_reproduces_linear_functions) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_figure(3000));
   ThreadTeam team(1);
-  const Hierarchy hierarchy(problem.system, {.coarsest_size = 100}, team);
-  LevelMatrix finest = hierarchy.members().matrices.front();
+  const Hierarchy hierarchy(problem.system, {.max_levels = 1}, team);
+  const LevelMatrix& finest = hierarchy.members().matrices.front();
   const double cell = 2.75 * mean_edge_length(finest, problem.system.rest_positions, team);
   const PieceCoarsening coarse = coarsen_by_lattice(finest, problem.system.rest_positions, cell, team);
   const Eigen::MatrixXd P = dense(coarse.transfer);
@@ -52,8 +52,9 @@ TEST(Hierarchy, every_coarse_matrix_is_the_galerkin_product) {
     const Hierarchy hierarchy = hierarchy_of(body, {.coarsest_size = 60});
     const Hierarchy::Members& members = hierarchy.members();
     ASSERT_GE(members.matrices.size(), 3u);
+    const Hierarchy finest = hierarchy_of(body, {.max_levels = 1});
     for (std::size_t level = 0; level + 1 < members.matrices.size(); ++level) {
-      const Eigen::MatrixXd A = to_sparse(members.matrices[level]);
+      const Eigen::MatrixXd A = to_sparse((level > 0 ? members : finest.members()).matrices[level]);
       const Eigen::MatrixXd coarse = to_sparse(members.matrices[level + 1]);
       const Eigen::MatrixXd P = dense(*members.transfers[level].pieces);
       EXPECT_LT((P.transpose() * A * P - coarse).norm(), 1e-6 * coarse.norm()) << "level " << level;
@@ -79,6 +80,57 @@ TEST(Hierarchy, parts_that_merely_pass_near_each_other_share_no_coarse_node) {
   }
 }
 
+std::vector<int> neighbors_of(const LevelMatrix& matrix, int i) {
+  if (matrix.short_rows.empty())
+    return {matrix.neighbors.begin() + matrix.offsets[i], matrix.neighbors.begin() + matrix.offsets[i + 1]};
+  const ShortRows& rows = matrix.short_rows;
+  std::vector<int> result;
+  for (int k = 0; k < kShortRow; ++k)
+    if (const int step = rows.near.empty() ? rows.far[i].steps[k] : rows.near[i].steps[k]; step != 0)
+      result.push_back(i + step);
+  const int long_row = rows.first_long_from(i);
+  if (long_row < static_cast<int>(rows.long_rows.size()) && rows.long_rows[long_row] == i)
+    result.insert(result.end(), rows.rest.begin() + rows.rest_offsets[long_row],
+                  rows.rest.begin() + rows.rest_offsets[long_row + 1]);
+  return result;
+}
+
+TEST(Hierarchy, short_rows_say_what_the_graph_says) {
+  for (const int nodes : {1000, 100000}) {
+    const LinearSystem system = graphs::bent(graphs::bcc_figure(nodes)).system;
+    ThreadTeam team(2);
+    const Hierarchy hierarchy(system, {.coarsest_size = 100}, team);
+    const LevelMatrix& finest = hierarchy.members().matrices.front();
+    ASSERT_FALSE(finest.short_rows.empty());
+    EXPECT_TRUE(finest.neighbors.empty());
+    for (int i = 0; i < finest.size(); ++i) {
+      const std::vector<int> neighbors = neighbors_of(finest, i);
+      ASSERT_EQ(neighbors, std::vector<int>(system.graph.neighbors.begin() + system.graph.offsets[i],
+                                            system.graph.neighbors.begin() + system.graph.offsets[i + 1]));
+    }
+  }
+}
+
+TEST(ShortRows, keep_wide_steps_and_long_rows) {
+  // Node 0 has 20 neighbors, the last of them 40000 nodes away; all others have only node 0.
+  std::vector<int> offsets = {0}, neighbors;
+  for (int k = 1; k < 20; ++k) neighbors.push_back(k);
+  neighbors.push_back(40000);
+  offsets.push_back(20);
+  for (int i = 1; i <= 40000; ++i) {
+    if (i < 20 || i == 40000) neighbors.push_back(0);
+    offsets.push_back(static_cast<int>(neighbors.size()));
+  }
+  const ShortRows rows = short_rows(offsets, neighbors);
+  EXPECT_TRUE(rows.near.empty());
+  EXPECT_EQ(rows.far[40000].steps[0], -40000);
+  EXPECT_EQ(rows.far[40000].own, -13);
+  EXPECT_EQ(rows.far[100].own, -14);
+  EXPECT_EQ(rows.far[0].own, 0);
+  EXPECT_EQ(rows.long_rows, std::vector<int>{0});
+  EXPECT_EQ(rows.rest, (std::vector<int>{15, 16, 17, 18, 19, 40000}));
+}
+
 TEST(Hierarchy, sweep_blocks_reach_only_their_neighbors) {
   const Hierarchy hierarchy = hierarchy_of(graphs::bcc_dumbbell(40000), {.coarsest_size = 500});
   EXPECT_GT(hierarchy.members().matrices.front().sweep_blocks.size(), 4u);
@@ -90,8 +142,7 @@ TEST(Hierarchy, sweep_blocks_reach_only_their_neighbors) {
       for (int i = matrix.sweep_blocks[block]; i < matrix.sweep_blocks[block + 1]; ++i)
         block_of[i] = static_cast<int>(block);
     for (int i = 0; i < matrix.size(); ++i)
-      for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
-        ASSERT_LE(std::abs(block_of[i] - block_of[matrix.neighbors[k]]), 1);
+      for (int neighbor : neighbors_of(matrix, i)) ASSERT_LE(std::abs(block_of[i] - block_of[neighbor]), 1);
   }
 }
 
@@ -141,6 +192,7 @@ TEST(Hierarchy, the_same_for_any_team) {
   const Hierarchy first(system, {}, one), second(system, {}, three);
   ASSERT_EQ(first.members().matrices.size(), second.members().matrices.size());
   for (std::size_t level = 0; level < first.members().matrices.size(); ++level) {
+    EXPECT_EQ(first.members().matrices[level].offsets, second.members().matrices[level].offsets);
     EXPECT_EQ(first.members().matrices[level].neighbors, second.members().matrices[level].neighbors);
     EXPECT_EQ(first.members().matrices[level].weights, second.members().matrices[level].weights);
     EXPECT_EQ(first.members().matrices[level].diagonal, second.members().matrices[level].diagonal);

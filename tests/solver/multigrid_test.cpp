@@ -195,12 +195,12 @@ TEST(Multigrid, the_cost_of_a_cycle_grows_with_the_graph_and_with_the_sweeps) {
   const MultigridSolver four(large.system, {.smoothing_sweeps = 4}, team), two(large.system, {}, team);
   const MultigridSolver less(small.system, {}, team);
   const LevelMatrix& finest = two.hierarchy().members().matrices.front();
-  const std::size_t once = 4 * finest.neighbors.size() + 56 * static_cast<std::size_t>(finest.size());
+  const std::size_t once = finest.short_rows.bytes() + 52 * static_cast<std::size_t>(finest.size());
   for (Reach reach : {Reach::near, Reach::far}) {
     const CycleCost cost = two.correction_cost(reach);
     EXPECT_GT(cost.bytes, static_cast<std::int64_t>(4 * once)) << "four passes over the finest level";
     EXPECT_LT(cost.bytes, static_cast<std::int64_t>(10 * once));
-    EXPECT_GT(cost.operations, 4 * 4 * static_cast<std::int64_t>(finest.neighbors.size()));
+    EXPECT_GT(cost.operations, 4 * 4 * static_cast<std::int64_t>(finest.entries()));
     const auto nodes = static_cast<double>(two.size()) / less.size();
     EXPECT_NEAR(static_cast<double>(cost.bytes) / static_cast<double>(less.correction_cost(reach).bytes),
                 nodes, 0.2 * nodes);

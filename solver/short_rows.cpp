@@ -1,0 +1,54 @@
+#include "solver/short_rows.h"
+
+#include <cstdlib>
+#include <limits>
+
+namespace sinew {
+namespace {
+
+template <typename Step>
+std::vector<ShortRow<Step>> rows_of(std::span<const int> offsets, std::span<const int> neighbors) {
+  std::vector<ShortRow<Step>> rows(offsets.size() - 1);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const int count = std::min(kShortRow, offsets[i + 1] - offsets[i]);
+    for (int k = 0; k < count; ++k)
+      rows[i].steps[k] = static_cast<Step>(neighbors[offsets[i] + k] - static_cast<int>(i));
+    std::fill(rows[i].steps + count, rows[i].steps + kShortRow, Step{0});
+    rows[i].own = static_cast<float>(count - kShortRow);
+  }
+  return rows;
+}
+
+int longest_step(std::span<const int> offsets, std::span<const int> neighbors) {
+  int longest = 0;
+  for (std::size_t i = 0; i + 1 < offsets.size(); ++i)
+    for (int k = offsets[i]; k < offsets[i + 1]; ++k)
+      longest = std::max(longest, std::abs(neighbors[k] - static_cast<int>(i)));
+  return longest;
+}
+
+}  // namespace
+
+std::size_t ShortRows::bytes() const {
+  return near.capacity() * sizeof(near[0]) + far.capacity() * sizeof(far[0]) +
+         (long_rows.capacity() + rest_offsets.capacity() + rest.capacity()) * sizeof(int);
+}
+
+ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors) {
+  ShortRows result;
+  result.rest_offsets = {0};
+  if (longest_step(offsets, neighbors) <= std::numeric_limits<std::int16_t>::max())
+    result.near = rows_of<std::int16_t>(offsets, neighbors);
+  else
+    result.far = rows_of<std::int32_t>(offsets, neighbors);
+  for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
+    if (offsets[i + 1] - offsets[i] <= kShortRow) continue;
+    result.long_rows.push_back(static_cast<int>(i));
+    result.rest.insert(result.rest.end(), neighbors.begin() + offsets[i] + kShortRow,
+                       neighbors.begin() + offsets[i + 1]);
+    result.rest_offsets.push_back(static_cast<int>(result.rest.size()));
+  }
+  return result;
+}
+
+}  // namespace sinew

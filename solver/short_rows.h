@@ -1,0 +1,44 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+/// Internal to solver/: where the neighbors of a row are, when all off-diagonal entries have one weight.
+namespace sinew {
+
+/// Neighbors of a node inside a body-centred lattice.
+constexpr int kShortRow = 14;
+
+/// The first neighbors of one row, as steps from the row itself. Unused steps are 0: they lead to the row
+/// itself as often as `own` takes it away again, so that no row needs a loop of its own length. A wrong guess
+/// of where such a loop ends costs the processor as much as half a row.
+template <typename Step>
+struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow {
+  Step steps[kShortRow];
+  float own;  ///< minus the number of unused steps
+};
+
+/// All rows of a graph. Half the bytes of a list of neighbors, and read in strides that are known ahead.
+struct ShortRows {
+  std::vector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where a step
+  std::vector<ShortRow<std::int32_t>> far;   ///< does not fit into 16 bits
+  std::vector<int> long_rows;                ///< ascending: the rows with more neighbors than kShortRow
+  std::vector<int> rest_offsets;             ///< by long row and one more, into rest
+  std::vector<int> rest;                     ///< their other neighbors
+
+  bool empty() const { return near.empty() && far.empty(); }
+  std::size_t bytes() const;
+
+  /// Position in long_rows of the first one that is not before `row`.
+  int first_long_from(int row) const {
+    return static_cast<int>(std::lower_bound(long_rows.begin(), long_rows.end(), row) - long_rows.begin());
+  }
+};
+
+/// The graph's rows, neighbors in their order.
+ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors);
+
+}  // namespace sinew

@@ -21,6 +21,9 @@ constexpr double kShortBone = 0.005;
 /// stay below 25.
 constexpr double kMostSoleTilt = 35.0;
 
+/// A hand that at rest points this far away from its forearm, in degrees, is a paw that stands on its palm.
+constexpr double kPaw = 45.0;
+
 /// Share of a foot's length along the floor below which it shows no heading: 60 degrees down.
 constexpr double kLevelPart = 0.5;
 
@@ -111,6 +114,8 @@ class Builder {
   void collect_ends(int joint, Aim& aim) const;
   std::vector<int> followers_below(int joint) const;
   int end_of_neck(int joint) const;
+
+  bool is_paw(int joint) const;
 
   Eigen::Quaterniond swung(const Eigen::Quaterniond& from, const BonePair& bone) const;
   Eigen::Quaterniond pelvis() const;
@@ -224,6 +229,15 @@ BonePair Builder::bone_of(int joint) const {
   if (below.empty()) return bone_to_end(joint);
   if (below.size() > 1) return {};
   return bone_between(joint, below.front(), match_.clip_of_rig[joint], match_.clip_of_rig[below.front()]);
+}
+
+/// Hands of clips are in line with their forearms; to point a paw there would stand it on its toes.
+bool Builder::is_paw(int joint) const {
+  const std::optional<Role> role = match_.role_of_rig[joint];
+  if (role != Role::left_hand && role != Role::right_hand) return false;
+  const int forearm = joint_of(match_.rig_body, static_cast<Role>(static_cast<int>(*role) - 1));
+  const Eigen::Vector3d hand = rig_end(joint);
+  return forearm >= 0 && rig_long(hand) && degrees_between(hand, rest_[joint] - rest_[forearm]) > kPaw;
 }
 
 /// `from` turned by the least angle that brings the bone where the clip has it.
@@ -345,7 +359,7 @@ Eigen::Quaterniond Builder::spine(const SpineTurn& turn) const {
 
 /// Fills Q, and the aim of bones that follow the clip's direction in every frame.
 ///
-/// Limbs follow by direction. The trunk, neck and collar bones do not: to bend a body at rest into the
+/// Limbs follow by direction. The trunk, neck, collar bones and paws do not: to bend a body at rest into the
 /// shape of another skeleton's spine would deform it. What is at rest in one is at rest in the other.
 void Builder::set_reference(BoneTurn& turn, const Eigen::Quaterniond& above) const {
   const std::optional<Role> role = match_.role_of_rig[turn.rig];
@@ -365,7 +379,7 @@ void Builder::set_reference(BoneTurn& turn, const Eigen::Quaterniond& above) con
     turn.at_reference = foot(turn.rig, bone_of(turn.rig));
   } else if (is({Role::left_toes, Role::right_toes})) {
     turn.at_reference = toes(turn.rig, above);
-  } else if (!is({Role::neck, Role::left_shoulder, Role::right_shoulder})) {
+  } else if (!is({Role::neck, Role::left_shoulder, Role::right_shoulder}) && !is_paw(turn.rig)) {
     const BonePair bone = bone_of(turn.rig);
     turn.at_reference = swung(above, bone);
     if (bone.rest.isZero() || !bone.joins_followers) return;

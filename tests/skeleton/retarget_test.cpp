@@ -510,6 +510,15 @@ TEST(Retarget, a_body_on_four_legs_keeps_its_trunk_level_and_its_forelegs_follow
   EXPECT_LE(worst_direction(clip, motion, Quaterniond::Identity()), 1e-6);
 }
 
+TEST(Retarget,
+     a_paw_that_stands_on_its_palm_at_rest_stands_on_it_where_the_clips_hand_is_in_line_with_its_forearm) {
+  RigSkeleton paws = humanoid_rig();
+  for (const Role hand : {Role::left_hand, Role::right_hand})
+    paws.joints[index_of(hand)].tip = paws.joints[index_of(hand)].position + Vector3d(0, 0, 0.15);
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  expect_same_motion(retarget(clip, humanoid_rig()), retarget(clip, paws), 1e-9, 1e-6);
+}
+
 TEST(Retarget, feet_that_stand_in_the_motion_stand_on_their_soles_whatever_the_declared_pose_says) {
   Turns on_tiptoe(kRoleCount, Quaterniond::Identity());
   for (const Role foot : {Role::left_foot, Role::left_toes, Role::right_foot, Role::right_toes})

@@ -34,10 +34,10 @@ struct RetargetOptions {
 /// first turned to where the clip's point, by the least angle, so that upper and lower arms and legs point
 /// where the clip's do in every frame, whatever the rest poses, joint axes, up axes and units are. Of a body
 /// narrower than the clip's between its shoulders or its hips, those limbs then swing outward by what their
-/// ends lack, five degrees at most: otherwise hands would sink into hips and feet cross. Trunk, neck, head
-/// and collar bones at rest in the clip are at rest in the rig. Feet that are low stand on their soles, toes
-/// lie flat. A shorter spine takes the turn of the longer one's joints together, a longer one shares it out
-/// by arc length.
+/// ends lack, five degrees at most: otherwise hands would sink into hips and feet cross. Trunk, neck, head,
+/// collar bones and hands that stand on their palms at rest are in the rig at rest when they are in the clip.
+/// Feet that are low stand on their soles, toes flat. A shorter spine or neck takes the turn of the longer
+/// one's joints together, a longer spine shares it out by arc length.
 ///
 /// Positions: by forward kinematics from the hip joints, which travel in proportion to leg length. The
 /// first frame's hips are above their rest position, and the lower foot of the clip's low frames is where

@@ -277,9 +277,13 @@ void warn_of_bones(const RigSkeleton& skeleton, const BoneRegions& regions, Bind
   }
 }
 
-void warn_of_joints(const RigSkeleton& skeleton, Binding& binding) {
+void warn_of_joints(const RigSkeleton& skeleton, const Holds& spheres, Binding& binding) {
   std::vector<bool> has_nodes(skeleton.joints.size(), false);
   for (const SphereConstraint& constraint : binding.spheres) has_nodes[constraint.joint] = true;
+  // Where bones are short and the body is thick, a joint's sphere lies within the cores: they hold its place.
+  for (const CoreConstraint& constraint : binding.cores) {
+    if (spheres.holds(constraint.node)) has_nodes[spheres[constraint.node].holder] = true;
+  }
   for (int joint = 0; joint < skeleton.joint_count(); ++joint) {
     if (has_nodes[joint]) continue;
     binding.warnings.push_back("W_JOINT_EMPTY: joint '" + skeleton.joints[joint].name +
@@ -336,7 +340,7 @@ Binding bind(const TriMesh& mesh, const Solid& solid, const RigSkeleton& skeleto
     throw UnusableInput("no bone of the rig holds any part of the mesh; move its joints inside the mesh");
   }
   warn_of_bones(skeleton, regions, binding);
-  warn_of_joints(skeleton, binding);
+  warn_of_joints(skeleton, spheres, binding);
   return binding;
 }
 

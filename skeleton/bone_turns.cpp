@@ -21,6 +21,9 @@ constexpr double kShortBone = 0.005;
 /// stay below 25.
 constexpr double kMostSoleTilt = 35.0;
 
+/// A hand that at rest points this far away from its forearm, in degrees, is a paw that stands on its palm.
+constexpr double kPaw = 45.0;
+
 /// Share of a foot's length along the floor below which it shows no heading: 60 degrees down.
 constexpr double kLevelPart = 0.5;
 
@@ -110,12 +113,17 @@ class Builder {
   Aim clip_end(int joint) const;
   void collect_ends(int joint, Aim& aim) const;
   std::vector<int> followers_below(int joint) const;
+  int end_of_neck(int joint) const;
+
+  bool is_paw(int joint) const;
 
   Eigen::Quaterniond swung(const Eigen::Quaterniond& from, const BonePair& bone) const;
   Eigen::Quaterniond pelvis() const;
   Eigen::Quaterniond upright_turn(Role left, Role right, const Eigen::Vector3d& axis) const;
   Eigen::Quaterniond body() const;
   Eigen::Quaterniond foot(int joint, const BonePair& bone) const;
+  Eigen::Quaterniond toes(int joint, const Eigen::Quaterniond& above) const;
+  Eigen::Vector3d up_when_low(int joint, int foot) const;
   Eigen::Quaterniond level_head(int joint) const;
   std::vector<int> lowest_frames(int joint, const Eigen::Vector3d& clip_up) const;
   Eigen::Quaterniond spine(const SpineTurn& turn) const;
@@ -194,6 +202,21 @@ std::vector<int> Builder::followers_below(int joint) const {
   return found;
 }
 
+/// The clip's joint whose turn a rig joint takes. Necks of two joints in a clip often bend back in the first
+/// and forth in the second by as much: a neck takes what its joints turn together, unless the rig's map names
+/// another.
+int Builder::end_of_neck(int joint) const {
+  const int neck = match_.clip_of_rig[joint];
+  if (match_.role_of_rig[joint] != Role::neck || !match_.pairs(Role::head)) return neck;
+  const std::string& name = rig_.joints[joint].name;
+  if (std::any_of(rig_.map.begin(), rig_.map.end(), [&](const auto& pair) { return pair.first == name; }))
+    return neck;
+  const int end = clip_.parents[joint_of(match_.clip_body, Role::head)];
+  for (int above = end; above >= 0; above = clip_.parents[above])
+    if (above == neck) return end;
+  return neck;
+}
+
 BonePair Builder::bone_of(int joint) const {
   if (const std::optional<Role> role = match_.role_of_rig[joint]) {
     const std::optional<Role> below = role_below(*role);
@@ -206,6 +229,15 @@ BonePair Builder::bone_of(int joint) const {
   if (below.empty()) return bone_to_end(joint);
   if (below.size() > 1) return {};
   return bone_between(joint, below.front(), match_.clip_of_rig[joint], match_.clip_of_rig[below.front()]);
+}
+
+/// Hands of clips are in line with their forearms; to point a paw there would stand it on its toes.
+bool Builder::is_paw(int joint) const {
+  const std::optional<Role> role = match_.role_of_rig[joint];
+  if (role != Role::left_hand && role != Role::right_hand) return false;
+  const int forearm = joint_of(match_.rig_body, static_cast<Role>(static_cast<int>(*role) - 1));
+  const Eigen::Vector3d hand = rig_end(joint);
+  return forearm >= 0 && rig_long(hand) && degrees_between(hand, rest_[joint] - rest_[forearm]) > kPaw;
 }
 
 /// `from` turned by the least angle that brings the bone where the clip has it.
@@ -252,6 +284,15 @@ std::vector<int> Builder::lowest_frames(int joint, const Eigen::Vector3d& clip_u
   return order;
 }
 
+/// What is up, seen from the clip's joint, when the clip's foot is low. Not normalised.
+Eigen::Vector3d Builder::up_when_low(int joint, int foot) const {
+  const Eigen::Vector3d clip_up = alignment_.turn.conjugate() * rig_.up.normalized();
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  for (const int frame : lowest_frames(foot, clip_up))
+    up += frames_[frame].rotations[joint].conjugate() * clip_up;
+  return up;
+}
+
 /// A low foot stands on its sole: what is up then, seen from the foot, is up in the rig at rest. Slopes
 /// from ankle to toes are no help, since ankles sit at different heights, nor are declared poses, whose
 /// feet are tilted by up to 25 degrees. The heading is that of the bone.
@@ -261,9 +302,7 @@ Eigen::Quaterniond Builder::foot(int joint, const BonePair& bone) const {
   const Eigen::Vector3d rig_up = rig_.up.normalized();
   const Eigen::Vector3d clip_up = alignment_.turn.conjugate() * rig_up;
   const Eigen::Quaterniond to_foot = reference_.pose.rotations[foot].conjugate();
-  Eigen::Vector3d up = Eigen::Vector3d::Zero();
-  for (const int frame : lowest_frames(foot, clip_up))
-    up += frames_[frame].rotations[foot].conjugate() * clip_up;
+  Eigen::Vector3d up = up_when_low(foot, foot);
   if (reference_.standing && degrees_between(up, to_foot * clip_up) > kMostSoleTilt) up = to_foot * clip_up;
   // A foot that points down shows no heading; then it is the body's.
   const Eigen::Vector3d ahead = clip_direction(bone.aim);
@@ -274,6 +313,19 @@ Eigen::Quaterniond Builder::foot(int joint, const BonePair& bone) const {
   if (across(clip_ahead, up.normalized()).norm() < kShortBone) return body();
   const Eigen::Quaterniond in_foot = between_axes(axes_of(rig_up, rig_ahead), axes_of(up, clip_ahead));
   return (alignment_.turn * reference_.pose.rotations[foot] * in_foot).normalized();
+}
+
+/// The toes of a low foot lie flat, as those of the rig do at rest. (Between foot and toes declared poses and
+/// trackers put up to 25 degrees that no standing foot has.)
+Eigen::Quaterniond Builder::toes(int joint, const Eigen::Quaterniond& above) const {
+  const Role foot_role = static_cast<Role>(static_cast<int>(*match_.role_of_rig[joint]) - 1);
+  if (!match_.pairs(foot_role)) return above;
+  const int toes = match_.clip_of_rig[joint];
+  const Eigen::Vector3d low_up = up_when_low(toes, joint_of(match_.clip_body, foot_role));
+  const Eigen::Vector3d flat = alignment_.turn * (reference_.pose.rotations[toes] * low_up);
+  const Eigen::Vector3d carried = above * rig_.up.normalized();
+  if (flat.isZero() || degrees_between(carried, flat) > kMostSoleTilt) return above;
+  return (least_turn(carried, flat) * above).normalized();
 }
 
 /// A head is level on the average: what is up and ahead of it then, seen from the head, is so in the rig
@@ -307,7 +359,7 @@ Eigen::Quaterniond Builder::spine(const SpineTurn& turn) const {
 
 /// Fills Q, and the aim of bones that follow the clip's direction in every frame.
 ///
-/// Limbs follow by direction. The trunk, neck and collar bones do not: to bend a body at rest into the
+/// Limbs follow by direction. The trunk, neck, collar bones and paws do not: to bend a body at rest into the
 /// shape of another skeleton's spine would deform it. What is at rest in one is at rest in the other.
 void Builder::set_reference(BoneTurn& turn, const Eigen::Quaterniond& above) const {
   const std::optional<Role> role = match_.role_of_rig[turn.rig];
@@ -325,8 +377,9 @@ void Builder::set_reference(BoneTurn& turn, const Eigen::Quaterniond& above) con
     turn.at_reference = reference_.standing ? body() : level_head(turn.rig);
   } else if (is({Role::left_foot, Role::right_foot})) {
     turn.at_reference = foot(turn.rig, bone_of(turn.rig));
-  } else if (!is({Role::neck, Role::left_shoulder, Role::right_shoulder, Role::left_toes,
-                  Role::right_toes})) {
+  } else if (is({Role::left_toes, Role::right_toes})) {
+    turn.at_reference = toes(turn.rig, above);
+  } else if (!is({Role::neck, Role::left_shoulder, Role::right_shoulder}) && !is_paw(turn.rig)) {
     const BonePair bone = bone_of(turn.rig);
     turn.at_reference = swung(above, bone);
     if (bone.rest.isZero() || !bone.joins_followers) return;
@@ -344,7 +397,7 @@ std::vector<BoneTurn> Builder::build() {
     if (match_.clip_of_rig[joint] < 0 && !spine_[joint]) continue;
     BoneTurn turn;
     turn.rig = joint;
-    turn.clip = match_.clip_of_rig[joint];
+    turn.clip = end_of_neck(joint);
     if (const auto& spine = spine_[joint]) {
       turn.clip = spine->clip;
       turn.clip_before = spine->clip_before;

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "skeleton/bone_turns.h"
+#include "skeleton/limb_swings.h"
 #include "skeleton/overlay.h"
 #include "skeleton/unusable_input.h"
 
@@ -30,13 +31,14 @@ void shift_pose(Pose& pose, const Eigen::Vector3d& by) {
 class Transfer {
  public:
   Transfer(const ReferencePose& reference, const RigSkeleton& rig, const JointMatch& match,
-           const Alignment& alignment, std::vector<BoneTurn> turns)
+           const Alignment& alignment, std::vector<BoneTurn> turns, std::vector<LimbSwing> swings)
       : reference_(reference),
         rig_(rig),
         alignment_(alignment),
         up_(rig.up.normalized()),
         rest_(rest_pose(rig).positions),
         turns_(std::move(turns)),
+        swings_(std::move(swings)),
         turn_of_rig_(rest_.size(), -1) {
     for (std::size_t turn = 0; turn < turns_.size(); ++turn)
       turn_of_rig_[turns_[turn].rig] = static_cast<int>(turn);
@@ -56,6 +58,7 @@ class Transfer {
   void find_landmarks(const JointMatch& match);
   Eigen::Quaterniond turn_since_reference(const Pose& source, int joint) const;
   Eigen::Quaterniond rotation(const BoneTurn& turn, const Pose& source) const;
+  std::vector<Eigen::Quaterniond> rotations(const Pose& source) const;
   double lowest_foot(const Pose& source) const;
   Eigen::Vector3d clip_pelvis(const Pose& source) const;
   Eigen::Vector3d rig_pelvis(const Pose& pose) const;
@@ -66,6 +69,7 @@ class Transfer {
   Eigen::Vector3d up_;
   std::vector<Eigen::Vector3d> rest_;
   std::vector<BoneTurn> turns_;
+  std::vector<LimbSwing> swings_;
   std::vector<int> turn_of_rig_;
   int anchor_ = 0;
   std::vector<Landmark> pelvis_;  ///< hip joints, else the anchor
@@ -139,18 +143,31 @@ Eigen::Vector3d Transfer::rig_pelvis(const Pose& pose) const {
   return sum / static_cast<double>(pelvis_.size());
 }
 
+/// Per turn, with limbs swung outward where the rig is narrower. Hands and feet keep the clip's rotation.
+std::vector<Eigen::Quaterniond> Transfer::rotations(const Pose& source) const {
+  std::vector<Eigen::Quaterniond> rotations;
+  for (const BoneTurn& turn : turns_) rotations.push_back(rotation(turn, source));
+  for (const LimbSwing& limb : swings_) {
+    Eigen::Quaterniond& upper = rotations[turn_of_rig_[limb.upper]];
+    Eigen::Quaterniond& lower = rotations[turn_of_rig_[limb.lower]];
+    const Eigen::Quaterniond swing = limb.swing(source, alignment_.turn, upper, lower);
+    upper = (swing * upper).normalized();
+    lower = (swing * lower).normalized();
+  }
+  return rotations;
+}
+
 /// The hip joints, not the hips joint, go where the clip has them: skeletons disagree on where in the
 /// pelvis the hips joint is, and legs start at the hip joints.
 Pose Transfer::pose(const Pose& source) const {
   Pose pose = rest_pose(rig_);
-  const Eigen::Quaterniond carried = rotation(turns_[turn_of_rig_[anchor_]], source);
+  const std::vector<Eigen::Quaterniond> turned = rotations(source);
+  const Eigen::Quaterniond& carried = turned[turn_of_rig_[anchor_]];
   for (int joint = 0; joint < rig_.joint_count(); ++joint) {
     const int parent = rig_.joints[joint].parent;
     const int turn = turn_of_rig_[joint];
     // What is above the hips, and what hangs beside them, moves with them.
-    pose.rotations[joint] = turn >= 0     ? rotation(turns_[turn], source)
-                            : parent >= 0 ? pose.rotations[parent]
-                                          : carried;
+    pose.rotations[joint] = turn >= 0 ? turned[turn] : parent >= 0 ? pose.rotations[parent] : carried;
     const Eigen::Quaterniond& holder = parent >= 0 ? pose.rotations[parent] : carried;
     const Eigen::Vector3d origin = parent >= 0 ? pose.positions[parent] : Eigen::Vector3d::Zero();
     const Eigen::Vector3d rest_origin = parent >= 0 ? rest_[parent] : Eigen::Vector3d::Zero();
@@ -177,8 +194,9 @@ Motion transfer_motion(const Clip& clip, const RigSkeleton& rig, const JointMatc
         "W_REFERENCE_FRAME_DROPPED: frame 0 is a reference pose put before the motion; left out");
   }
   const Alignment alignment = align_bodies(reference, clip_up, rig, match, motion.warnings);
-  Transfer transfer(reference, rig, match, alignment,
-                    bone_turns(clip.skeleton, source, reference, rig, match, alignment));
+  Transfer transfer(
+      reference, rig, match, alignment, bone_turns(clip.skeleton, source, reference, rig, match, alignment),
+      options.limb_swings ? limb_swings(reference, rig, match, alignment) : std::vector<LimbSwing>{});
   transfer.find_floor(used);
   const Eigen::Vector3d up = rig.up.normalized();
   const Eigen::Vector3d start = rig.joints[transfer.anchor()].position;

@@ -19,7 +19,8 @@ struct Motion {
 };
 
 struct RetargetOptions {
-  bool in_place = false;  ///< keep the root above its rest position on the ground plane
+  bool in_place = false;    ///< keep the root above its rest position on the ground plane
+  bool limb_swings = true;  ///< off: limbs of a narrower body point exactly where the clip's do
 };
 
 /// Moves `rig` as `clip` moves, at the clip's frame rate.
@@ -31,10 +32,12 @@ struct RetargetOptions {
 /// Rotations: the two bodies are compared at one instant, the declared pose of the clip if the body
 /// stands in it, else the frame closest to that, and from there take the same world rotations. Limbs are
 /// first turned to where the clip's point, by the least angle, so that upper and lower arms and legs point
-/// where the clip's do in every frame, whatever the rest poses, joint axes, up axes and units are. Trunk,
-/// neck, head and collar bones at rest in the clip are at rest in the rig. Feet that are low stand on
-/// their soles. A shorter spine takes the turn of the longer one's joints together, a longer one shares
-/// it out by arc length.
+/// where the clip's do in every frame, whatever the rest poses, joint axes, up axes and units are. Of a body
+/// narrower than the clip's between its shoulders or its hips, those limbs then swing outward by what their
+/// ends lack, five degrees at most: otherwise hands would sink into hips and feet cross. Trunk, neck, head,
+/// collar bones and hands that stand on their palms at rest are in the rig at rest when they are in the clip.
+/// Feet that are low stand on their soles, toes flat. A shorter spine or neck takes the turn of the longer
+/// one's joints together, a longer spine shares it out by arc length.
 ///
 /// Positions: by forward kinematics from the hip joints, which travel in proportion to leg length. The
 /// first frame's hips are above their rest position, and the lower foot of the clip's low frames is where

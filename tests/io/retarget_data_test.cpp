@@ -103,6 +103,7 @@ struct Retargeted {
   Clip clip;
   std::vector<int> joint_of_role;
   Motion motion;
+  Motion parallel;  ///< without the outward swing of limbs
   int dropped = 0;  ///< frames of the clip that the motion leaves out at the start
 
   Vector3d bone(const Pose& pose, Role from, Role to) const {
@@ -119,6 +120,7 @@ const Retargeted& retargeted(const std::string& file) {
   made.clip = read_bvh(shared(file));
   made.joint_of_role = recognise_roles(made.clip.skeleton).joint_of_role;
   made.motion = retarget(made.clip, test::humanoid_rig());
+  made.parallel = retarget(made.clip, test::humanoid_rig(), {.limb_swings = false});
   made.dropped = made.clip.frame_count - made.motion.frame_count();
   return known.emplace(file, std::move(made)).first->second;
 }
@@ -155,7 +157,7 @@ TEST_P(HumanClips, point_the_limbs_of_another_body_exactly_where_their_own_point
     for (const auto& [upper, lower] : kLimbs) {
       from.push_back(
           (source.positions[made.clip_joint(lower)] - source.positions[made.clip_joint(upper)]).normalized());
-      to.push_back(made.bone(made.motion.poses[frame], upper, lower).normalized());
+      to.push_back(made.bone(made.parallel.poses[frame], upper, lower).normalized());
     }
   }
   const auto fit = fit_similarity(from, to);
@@ -165,6 +167,24 @@ TEST_P(HumanClips, point_the_limbs_of_another_body_exactly_where_their_own_point
     worst = std::max(worst, degrees_between(fit->turn * from[i], to[i]));
   EXPECT_LE(worst, 0.01);
   EXPECT_LE(degrees_between(fit->turn * GetParam().up, kY), 1e-4);
+}
+
+TEST_P(HumanClips, swing_limbs_outward_by_five_degrees_at_most_and_never_at_a_jerk) {
+  const Retargeted& made = retargeted(GetParam().file);
+  Pose last;
+  for (int frame = 0; frame < made.motion.frame_count(); ++frame) {
+    Pose swings = made.motion.poses[frame];
+    for (int joint = 0; joint < swings.joint_count(); ++joint) {
+      swings.rotations[joint] =
+          swings.rotations[joint] * made.parallel.poses[frame].rotations[joint].conjugate();
+      const double swing = swings.rotations[joint].angularDistance(Eigen::Quaterniond::Identity());
+      ASSERT_LE(swing, 5.01 * std::numbers::pi / 180.0) << "joint " << joint << " at frame " << frame;
+      if (frame == 0) continue;
+      ASSERT_LE(swings.rotations[joint].angularDistance(last.rotations[joint]), std::numbers::pi / 180.0)
+          << "joint " << joint << " at frame " << frame;
+    }
+    last = swings;
+  }
 }
 
 TEST_P(HumanClips, keep_the_head_above_the_hips) {
@@ -206,14 +226,20 @@ TEST_P(HumanClips, turn_no_joint_faster_than_the_clip_does) {
   const bool shared_out = made.clip_joint(Role::upper_chest) < 0;  // its spine is shorter than the rig's
   for (int joint = 1; joint < rig.joint_count(); ++joint) {
     const int parent = rig.joints[joint].parent;
-    const int source = made.joint_of_role[joint], source_parent = made.joint_of_role[parent];
+    // A neck follows the last of the clip's neck joints, a head is turned against it.
+    const auto source_of = [&](int role) {
+      const int head = made.clip_joint(Role::head);
+      const bool neck = role == static_cast<int>(Role::neck) && made.clip_joint(Role::neck) >= 0;
+      return neck ? made.clip.skeleton.parents[head] : made.joint_of_role[role];
+    };
+    const int source = source_of(joint), source_parent = source_of(parent);
     const bool is_spine = joint <= static_cast<int>(Role::upper_chest);
     if (source < 0 || source_parent < 0 || (shared_out && is_spine)) continue;
     double fastest = 0.0, fastest_source = 0.0;
     Pose before = pose_at(made.clip, made.dropped);
-    for (int frame = 1; frame < made.motion.frame_count(); ++frame) {
-      const Pose& last = made.motion.poses[frame - 1];
-      const Pose& pose = made.motion.poses[frame];
+    for (int frame = 1; frame < made.parallel.frame_count(); ++frame) {
+      const Pose& last = made.parallel.poses[frame - 1];
+      const Pose& pose = made.parallel.poses[frame];
       const Pose now = pose_at(made.clip, frame + made.dropped);
       const Eigen::Quaterniond relative = pose.rotations[parent].conjugate() * pose.rotations[joint];
       const Eigen::Quaterniond relative_last = last.rotations[parent].conjugate() * last.rotations[joint];

@@ -209,6 +209,15 @@ TEST(Binding, a_part_without_bone_is_glued_to_the_nearest_and_named) {
   EXPECT_TRUE(mentions(arm.binding.warnings, "it follows 'hand' rigidly"));
 }
 
+TEST(Binding, a_joint_whose_sphere_lies_within_the_cores_is_held_by_them) {
+  RigSkeleton skeleton = arm_skeleton();
+  skeleton.joints[1].sphere_radius = 0.015;  // cores: a quarter of 0.08
+  const Bound arm = bound(arm_mesh(), skeleton, Deform::refined, 0.02);
+  EXPECT_TRUE(std::none_of(arm.binding.spheres.begin(), arm.binding.spheres.end(),
+                           [](const SphereConstraint& sphere) { return sphere.joint == 1; }));
+  EXPECT_FALSE(mentions(arm.binding.warnings, "W_JOINT_EMPTY"));
+}
+
 TEST(Binding, a_bone_outside_the_body_is_named) {
   RigSkeleton skeleton = arm_skeleton();
   RigJoint prop;

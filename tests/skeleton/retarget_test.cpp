@@ -510,6 +510,15 @@ TEST(Retarget, a_body_on_four_legs_keeps_its_trunk_level_and_its_forelegs_follow
   EXPECT_LE(worst_direction(clip, motion, Quaterniond::Identity()), 1e-6);
 }
 
+TEST(Retarget,
+     a_paw_that_stands_on_its_palm_at_rest_stands_on_it_where_the_clips_hand_is_in_line_with_its_forearm) {
+  RigSkeleton paws = humanoid_rig();
+  for (const Role hand : {Role::left_hand, Role::right_hand})
+    paws.joints[index_of(hand)].tip = paws.joints[index_of(hand)].position + Vector3d(0, 0, 0.15);
+  const Clip clip = wild_clip(humanoid_rig(), odd_axes());
+  expect_same_motion(retarget(clip, humanoid_rig()), retarget(clip, paws), 1e-9, 1e-6);
+}
+
 TEST(Retarget, feet_that_stand_in_the_motion_stand_on_their_soles_whatever_the_declared_pose_says) {
   Turns on_tiptoe(kRoleCount, Quaterniond::Identity());
   for (const Role foot : {Role::left_foot, Role::left_toes, Role::right_foot, Role::right_toes})
@@ -523,6 +532,130 @@ TEST(Retarget, feet_that_stand_in_the_motion_stand_on_their_soles_whatever_the_d
   const Motion motion = retarget(clip, humanoid_rig());
   for (const Role foot : {Role::left_foot, Role::right_foot})
     EXPECT_LE(degrees_between(motion.poses[10].rotations[index_of(foot)], Quaterniond::Identity()), 1e-6);
+}
+
+TEST(Retarget, toes_that_a_tracker_bends_lie_flat_when_their_foot_stands) {
+  Turns bent(kRoleCount, Quaterniond::Identity());
+  bent[index_of(Role::left_toes)] = turn(-25, Vector3d::UnitX());
+  std::vector<Turns> frames(20, bent);
+  for (int frame = 10; frame < 20; ++frame)  // lifted, the left toes bend by ten degrees more
+    for (int joint = 0; joint < kRoleCount; ++joint)
+      if (is_foot(joint))
+        frames[frame][joint] = turn(joint == index_of(Role::left_toes) ? -15 : 20, Vector3d::UnitX());
+  std::vector<Vector3d> root(20, Vector3d(0, 0.98, 0));
+  for (int frame = 10; frame < 20; ++frame) root[frame].y() += 0.2;
+  const Clip clip = clip_of(skeleton_of(humanoid_rig(), clip_names(), odd_axes()), frames, root);
+  const Motion motion = retarget(clip, humanoid_rig());
+  for (const Role toes : {Role::left_toes, Role::right_toes})
+    EXPECT_LE(degrees_between(motion.poses[0].rotations[index_of(toes)], Quaterniond::Identity()), 1e-6);
+  const auto bend = [&](Role toes) {
+    const Role foot = static_cast<Role>(index_of(toes) - 1);
+    return degrees_between(motion.poses[19].rotations[index_of(foot)],
+                           motion.poses[19].rotations[index_of(toes)]);
+  };
+  EXPECT_NEAR(bend(Role::left_toes), 10.0, 1e-6);
+  EXPECT_NEAR(bend(Role::right_toes), 0.0, 1e-6);
+}
+
+/// The clip with a second neck joint, "m:Neck1", halfway to the head. In every frame the first is bent
+/// forth by `degrees` and the second back.
+Clip with_second_neck(const Clip& clip, double degrees) {
+  const int neck = index_of(Role::neck), head = index_of(Role::head), count = clip.skeleton.joint_count();
+  const Quaterniond bend = turn(degrees, Vector3d::UnitX());
+  const auto insert = [&](auto& list, int at, const auto& item) { list.insert(list.begin() + at, item); };
+  Clip longer = clip;
+  longer.skeleton.rest[head].translation *= 0.5;
+  insert(longer.skeleton.names, head, std::string("m:Neck1"));
+  insert(longer.skeleton.parents, head, neck);
+  insert(longer.skeleton.tips, head, std::vector<Vector3d>{});
+  insert(longer.skeleton.rest, head,
+         Transform{longer.skeleton.rest[head].translation, {1, 0, 0, 0}, Vector3d::Ones()});
+  for (int joint = head + 1; joint <= count; ++joint)
+    if (joint == head + 1 || longer.skeleton.parents[joint] >= head) ++longer.skeleton.parents[joint];
+  for (int frame = clip.frame_count - 1; frame >= 0; --frame) {
+    const auto first = static_cast<std::size_t>(frame) * static_cast<std::size_t>(count);
+    longer.local[first + neck].rotation = longer.local[first + neck].rotation * bend;
+    longer.local[first + head].translation *= 0.5;
+    insert(longer.local, static_cast<int>(first) + head,
+           Transform{longer.local[first + head].translation, bend.conjugate(), Vector3d::Ones()});
+  }
+  return longer;
+}
+
+TEST(Retarget, a_neck_takes_what_two_neck_joints_of_the_clip_turn_together) {
+  const Clip clip = wild_clip(humanoid_rig(), Turns(kRoleCount, Quaterniond::Identity()));
+  const Clip longer = with_second_neck(clip, 25.0);
+  RigSkeleton rig = humanoid_rig();
+  const Motion expected = retarget(clip, rig), found = retarget(longer, rig);
+  rig.map = {{"neck", "m:Neck"}};
+  const Motion by_name = retarget(longer, rig);
+  for (int frame = 0; frame < clip.frame_count; ++frame) {
+    const auto neck_turn = [&](const Motion& motion) {
+      return degrees_between(motion.poses[frame].rotations[index_of(Role::neck)],
+                             expected.poses[frame].rotations[index_of(Role::neck)]);
+    };
+    EXPECT_LE(neck_turn(found), 1e-6);
+    EXPECT_NEAR(neck_turn(by_name), 25.0, 1e-6);
+  }
+}
+
+/// The rig with arms and legs moved towards the middle by `metres` each.
+RigSkeleton narrowed(RigSkeleton rig, double metres) {
+  for (RigJoint& joint : rig.joints) {
+    const int part = index_of(*joint.role);
+    const bool arm = part > index_of(Role::left_shoulder) && part <= index_of(Role::right_hand) &&
+                     joint.role != Role::right_shoulder;
+    if (!arm && part < index_of(Role::left_upper_leg)) continue;
+    const double inward = joint.position.x() > 0 ? -metres : metres;
+    joint.position.x() += inward;
+    if (joint.tip) joint.tip->x() += inward;
+  }
+  return rig;
+}
+
+/// Arms hang, elbows and knees are a little bent; thighs lean together.
+Clip hanging_clip() {
+  Turns turns(kRoleCount, Quaterniond::Identity());
+  for (int part = 1; part < 4; ++part) {
+    const Quaterniond elbow = part > 1 ? turn(-20, Vector3d::UnitX()) : Quaterniond::Identity();
+    turns[index_of(Role::left_shoulder) + part] = elbow * turn(-85, Vector3d::UnitZ());
+    turns[index_of(Role::right_shoulder) + part] = elbow * turn(85, Vector3d::UnitZ());
+  }
+  turns[index_of(Role::left_upper_leg)] = turn(-4, Vector3d::UnitZ()) * turn(-10, Vector3d::UnitX());
+  turns[index_of(Role::right_upper_leg)] = turn(4, Vector3d::UnitZ()) * turn(-10, Vector3d::UnitX());
+  return clip_of(skeleton_of(humanoid_rig(), clip_names(), odd_axes()), std::vector<Turns>(6, turns),
+                 std::vector<Vector3d>(6, Vector3d(0, 0.98, 0)));
+}
+
+const Role kEnds[] = {Role::left_hand, Role::right_hand, Role::left_foot, Role::right_foot};
+
+TEST(Retarget, hands_and_feet_of_a_narrower_body_are_as_far_out_as_the_clips) {
+  const Clip clip = hanging_clip();
+  const Pose source = pose_at(clip, 3);
+  const RigSkeleton rig = narrowed(humanoid_rig(), 0.02);
+  const Motion motion = retarget(clip, rig), parallel = retarget(clip, rig, {.limb_swings = false});
+  for (const Role end : kEnds) {
+    const double side = index_of(end) <= index_of(Role::left_hand) || end == Role::left_foot ? 1.0 : -1.0;
+    const auto out = [&](const Pose& pose) {
+      return side * (pose.positions[index_of(end)] - pose.positions[0]).x();
+    };
+    EXPECT_NEAR(out(motion.poses[3]), out(source), 1e-3) << role_name(end);
+    EXPECT_NEAR(out(parallel.poses[3]), out(source) - 0.02, 1e-6) << role_name(end);
+    EXPECT_LE(
+        degrees_between(motion.poses[3].rotations[index_of(end)], parallel.poses[3].rotations[index_of(end)]),
+        1e-6)
+        << "a swing is of the limb alone, " << role_name(end);
+  }
+  EXPECT_LE(worst_direction(clip, parallel, Quaterniond::Identity()), 1e-6);
+}
+
+TEST(Retarget, limbs_swing_five_degrees_at_most_and_those_of_a_wider_body_not_at_all) {
+  const Clip clip = hanging_clip();
+  const double most =
+      worst_direction(clip, retarget(clip, narrowed(humanoid_rig(), 0.08)), Quaterniond::Identity());
+  EXPECT_NEAR(most, 5.0, 0.2);
+  EXPECT_LE(worst_direction(clip, retarget(clip, narrowed(humanoid_rig(), -0.08)), Quaterniond::Identity()),
+            1e-6);
 }
 
 TEST(Retarget, the_map_of_the_rig_file_wins_over_roles) {

@@ -63,12 +63,11 @@ struct FrameSolver::Members {
   FrameOptions options;
   ThreadTeam& team;
   FrameNodes nodes;
-  Starts starts;
   std::vector<bool> given;  // per free slot: in a bone's cylinder, its rotation is the bone's
 
   PoseRotations pose_rotations;
-  std::vector<int> term_offsets;  // per slot, into terms
-  std::vector<BlendTerm> terms;
+  SlotTerms terms;
+  Starts starts;
   std::vector<Eigen::Quaternionf> rotations;         // per slot
   std::vector<float> pose_scales;                    // per slot
   std::vector<float> volume_scales;                  // per free slot
@@ -78,7 +77,6 @@ struct FrameSolver::Members {
   std::vector<SystemSize> block_sizes;
 
  private:
-  void copy_terms();
   template <typename Body>
   void for_each_block(int count, const Body& body) const;
   template <typename Step>
@@ -103,14 +101,13 @@ FrameSolver::Members::Members(const Rig& rig_in, const FrameOptions& options_in,
       options(options_in),
       team(team_in),
       nodes(rig_in),
-      starts(nodes.free_count, options_in.deform == Deform::refined ? 1 + options_in.local_global : 1,
-             options_in.start),
-      pose_rotations(rig_in.skeleton, rig_in.binding) {
+      pose_rotations(rig_in.skeleton, rig_in.binding),
+      terms(rig_in, nodes, pose_rotations),
+      starts(rig_in, nodes, terms, options_in, team_in) {
   rotations.assign(nodes.slot_count, Eigen::Quaternionf::Identity());
   pose_scales.assign(nodes.slot_count, 1.0f);
   volume_scales.assign(nodes.free_count, 1.0f);
   held_positions.assign(nodes.slot_count - nodes.free_count, Eigen::Vector3d::Zero());
-  copy_terms();
   given.assign(nodes.free_count, false);
   for (const FieldConstraint& constraint : rig.binding.field_constraints) {
     const int slot = nodes.slot_of_node[constraint.node];
@@ -134,26 +131,14 @@ void FrameSolver::Members::timed(FrameStage stage, FrameReport& report, const St
   report.milliseconds[static_cast<int>(stage)] += milliseconds_since(begin);
 }
 
-void FrameSolver::Members::copy_terms() {
-  const HarmonicFields& fields = rig.harmonics;
-  term_offsets.push_back(0);
-  for (const int node : nodes.node_of_slot) {
-    const int begin = fields.offsets[node];
-    const int count = fields.offsets[node + 1] - begin;
-    pose_rotations.append_terms(&fields.fields[begin], &fields.weights[begin], count, terms);
-    term_offsets.push_back(static_cast<int>(terms.size()));
-  }
-  terms.shrink_to_fit();
-}
-
 /// Rotations and scales of the pose, the start of the first solve, and no volume correction yet.
 void FrameSolver::Members::blend(const Pose& pose) {
   pose_rotations.read(pose);
+  starts.begin_frame(pose, pose_rotations);
   const HarmonicFields& fields = rig.harmonics;
   for_each_block(nodes.slot_count, [&](int first, int end) {
     for (int slot = first; slot < end; ++slot) {
-      const std::size_t count = term_offsets[slot + 1] - term_offsets[slot];
-      rotations[slot] = pose_rotations.blend({&terms[term_offsets[slot]], count});
+      rotations[slot] = pose_rotations.blend(terms.of(slot));
       float scale = 1.0f;
       if (!pose_rotations.rigid()) {
         const int row = fields.offsets[nodes.node_of_slot[slot]];
@@ -163,7 +148,7 @@ void FrameSolver::Members::blend(const Pose& pose) {
       pose_scales[slot] = scale;
       set_columns(scale * rotations[slot].toRotationMatrix(), nodes.records[slot]);
       if (slot >= nodes.free_count) continue;
-      nodes.set_position(slot, starts.at(slot, nodes.places[slot].now));
+      nodes.set_position(slot, starts.begin(slot, nodes.places[slot].now));
       volume_scales[slot] = 1.0f;
     }
   });
@@ -255,7 +240,7 @@ void FrameSolver::Members::fit_batch(int first, int count) {
   for (int lane = 0; lane < count; ++lane) {
     const int slot = first + lane;
     const float scale = pose_scales[slot] * volume_scales[slot];
-    const Eigen::Vector4f start = starts.at(slot, nodes.places[slot].now);
+    const Eigen::Vector4f start = starts.begin(slot, nodes.places[slot].now);
     for (int axis = 0; axis < 3; ++axis) {
       nodes.records[slot].column[axis] << scale * matrices[axis][lane], scale * matrices[3 + axis][lane],
           scale * matrices[6 + axis][lane], start[axis];
@@ -273,14 +258,11 @@ void FrameSolver::Members::fit_locally() {
 /// Adds the correction to the positions.
 void FrameSolver::Members::advance(bool first) {
   const std::span<const Eigen::Vector4f> steps = workspace->correction;
-  if (first) starts.judge(steps, [&](int slot) -> const Eigen::Vector4f& { return nodes.places[slot].now; });
   for_each_block(nodes.free_count, [&](int begin, int end) {
     for (int slot = begin; slot < end; ++slot) {
       Eigen::Vector4f& now = nodes.places[slot].now;
       if (first) {
-        const Eigen::Vector4f answer = starts.at(slot, now) + steps[slot];
-        starts.keep(slot, now, answer);
-        now = answer;
+        now = starts.finish(slot, now, steps[slot]);
       } else {
         starts.move(slot, steps[slot]);
         now += steps[slot];
@@ -309,9 +291,10 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
       for_each_block(nodes.free_count, [&](int begin, int end) {
         residual_rows(nodes, begin, end, workspace->residual.data());
       });
+      if (first) starts.improve(workspace->residual);
     });
     timed(FrameStage::solve, report, [&] {
-      const CorrectionReport step = rig.solver->correct(first ? Reach::far : Reach::near, *workspace);
+      const CorrectionReport step = rig.solver->correct(first ? starts.reach() : Reach::near, *workspace);
       error = step.error_left;
       advance(first);
       cycles += std::max(step.cycles, 1);
@@ -319,6 +302,7 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
     });
     first = false;
   } while (!(error <= tolerance) && cycles < options.max_cycles);
+  starts.judge();
   report.error = error <= report.error ? report.error : error;
   report.converged = report.converged && error <= tolerance;
 }
@@ -344,7 +328,6 @@ FrameReport FrameSolver::Members::solve(const Pose& pose) {
   report.converged = true;
   origin = pose.positions.front();
   timed(FrameStage::rotations, report, [&] {
-    starts.choose(0);
     blend(pose);
     pin(pose);
   });
@@ -400,7 +383,7 @@ std::size_t FrameSolver::bytes() const {
   const auto slots = static_cast<std::size_t>(m.nodes.slot_count);
   return slots * (sizeof(NodeRecord) + sizeof(NodePlace) + sizeof(Eigen::Quaternionf) + 4 * sizeof(int)) +
          m.nodes.neighbors.size() * sizeof(int) + m.nodes.weights.size() * sizeof(float) +
-         m.terms.size() * sizeof(BlendTerm) + m.starts.bytes();
+         m.terms.terms.size() * sizeof(BlendTerm) + m.starts.bytes();
 }
 
 }  // namespace sinew

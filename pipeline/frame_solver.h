@@ -11,11 +11,13 @@ namespace sinew {
 
 /// Where the first solve of a frame begins.
 enum class Start {
-  automatic,  ///< the polynomial in time, of degree 0 to 2, that would have done best one frame ago
+  automatic,  ///< whichever of previous, linear, quadratic and skinning is foretold to need the least work
   zero,       ///< nothing of earlier frames: every frame is solved from its pose alone
   previous,   ///< the frame before
   linear,     ///< extrapolated from the last two frames
-  quadratic   ///< extrapolated from the last three
+  quadratic,  ///< extrapolated from the last three
+  skinning,   ///< linear blend skinning with the harmonic weights, what it leaves extrapolated
+  fischer     ///< the mixture of the last four frames that is nearest to the answer [Fischer 1998]
 };
 
 /// What a frame does with a rig. A rig is built for one form (binding_options()); a frame of the other

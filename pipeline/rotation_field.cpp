@@ -44,7 +44,8 @@ PoseRotations::PoseRotations(const RigSkeleton& skeleton, const Binding& binding
     if (bone.twists) {
       twists_.push_back({bone.joint, skeleton.joints[bone.joint].parent, bone.twisted_by, bone.axis, places});
     }
-    places += bone.twists ? kTwistSteps + 1 : 2;
+    ranges_.push_back({bone.joint, places, bone.twists ? kTwistSteps + 1 : 2});
+    places += ranges_.back().count;
   }
   scale_of_field_.assign(joint_of_field_.size(), 1.0f);
   table_.assign(places, Eigen::Vector4f(0, 0, 0, 1));

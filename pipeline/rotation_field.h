@@ -19,6 +19,14 @@ struct BlendTerm {
   float above = 0.0f;
 };
 
+/// Places of BlendTerm that belong to one bone: two alike for an undivided bone, or even steps of the twist
+/// from its near end to its far end.
+struct PlaceRange {
+  int joint = 0;  ///< they turn about
+  int first = 0;
+  int count = 0;
+};
+
 /// What every field carries in one pose: a unit quaternion on a sign that is continuous in time, or,
 /// for the two halves of a twisting bone, all rotations between the near end's and the far end's.
 ///
@@ -51,6 +59,10 @@ class PoseRotations {
   /// The mean of the bones' scales with a node's weights.
   float blend_scale(const int* fields, const float* weights, int count) const;
 
+  /// The places, bone after bone, and the unit quaternion x y z w at each of them in the pose read.
+  std::span<const PlaceRange> ranges() const { return ranges_; }
+  std::span<const Eigen::Vector4f> table() const { return table_; }
+
   /// Whether every scale is one, so that blend_scale() need not be asked.
   bool rigid() const { return rigid_; }
 
@@ -72,6 +84,7 @@ class PoseRotations {
   std::vector<bool> twists_of_field_;
   std::vector<float> scale_of_field_;
   std::vector<TwistSource> twists_;
+  std::vector<PlaceRange> ranges_;
   /// Quaternions x y z w: one for an undivided bone and its copy, or a twisting bone's at even steps of
   /// its twist.
   std::vector<Eigen::Vector4f> table_;

@@ -1,64 +1,220 @@
 #include "pipeline/starts.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 namespace sinew {
 namespace {
 
-/// Weights of the last frames in the next one, newest first, for polynomials of degree 0, 1 and 2.
-constexpr float kPolynomials[3][3] = {{1, 0, 0}, {2, -1, 0}, {3, -3, 1}};
+/// One node in this many is sampled, or fewer where that would be more than a few hundred: the samples
+/// cost less than a hundredth of a frame, and a hand still gets a dozen of them.
+constexpr int kSampleStride = 61;
+constexpr int kMostSamples = 500;
 
-int wanted_degree(Start start, int best) {
-  switch (start) {
-    case Start::zero:
-      return -1;
-    case Start::previous:
-      return 0;
-    case Start::linear:
-      return 1;
-    case Start::quadratic:
-      return 2;
-    case Start::automatic:
-      break;
-  }
-  return best;
+/// What the first cycle leaves of a start's error as far as samples show it, and what each later cycle
+/// leaves.
+constexpr double kLeftByFar = 0.02;
+constexpr double kLeftByNear = 0.5;
+constexpr double kLeftLater = 0.2;
+
+/// Share of a cycle by which a start should do better than its estimate asks: estimates are off by as much.
+constexpr double kSpare = 0.3;
+
+/// Costs, in cycles of full multigrid.
+constexpr double kNearCost = 0.7;
+constexpr double kSkinningCost = 0.15;
+
+/// A polynomial of a degree that could not be tried yet is taken to be this much better than the next lower
+/// one, squared: motion is smooth more often than not.
+constexpr float kNextDegreeLeaves = 0.25f;
+
+/// Polynomials of degree 0, 1 and 2.
+constexpr std::array<std::array<float, 3>, 3> kPolynomials = {{{1, 0, 0}, {2, -1, 0}, {3, -3, 1}}};
+
+double later_cycles(double error, double tolerance) {
+  return std::max(0.0, std::log(error / tolerance) / -std::log(kLeftLater) + kSpare);
 }
 
 }  // namespace
 
-Starts::Starts(int free_count, int solves, Start start) : start_(start), histories_(solves) {
-  const SlotRows zero(free_count, Eigen::Vector4f::Zero());
-  for (History& history : histories_) history.rows.fill(zero);
+Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
+               ThreadTeam& team)
+    : nodes_(nodes),
+      terms_(terms),
+      start_(options.start),
+      tolerance_(options.tolerance),
+      skinning_(rig, nodes),
+      sampled_slots_([&] {
+        std::vector<int> slots;
+        const int stride = std::max(kSampleStride, nodes.free_count / kMostSamples);
+        for (int slot = 0; slot < nodes.free_count; slot += stride) slots.push_back(slot);
+        return slots;
+      }()),
+      sampled_terms_(terms, sampled_slots_),
+      histories_(options.deform == Deform::refined ? 1 + options.local_global : 1) {
+  if (start_ == Start::fischer) projection_.emplace(nodes, team);
+  for (const int slot : sampled_slots_) sampled_rest_.push_back(nodes.records[slot].rest);
+  const SlotRows zero(nodes.free_count, Eigen::Vector4f::Zero());
+  const SlotRows none(sampled_slots_.size(), Eigen::Vector4f::Zero());
+  for (History& history : histories_) {
+    history.rows.fill(zero);
+    history.sampled.fill(none);
+  }
+  unforeseen_ = Eigen::VectorXf::Zero(skinning_.coordinate_count());
+  coordinates_.fill(unforeseen_);
+  skinned_.fill(none);
+  rest_errors_.fill(std::vector<float>(sampled_slots_.size(), 0.0f));
+}
+
+void Starts::forget() {
+  known_ = 0;
+  if (projection_) projection_->forget();
+}
+
+/// What the mixture of the frames before leaves of this frame.
+Eigen::Vector4f Starts::left_by(const Mixture& mixture, const SampleRing& ring, std::size_t sample) const {
+  Eigen::Vector4f left = ring[frame_ % (kFrames + 1)][sample];
+  for (int age = 0; age < mixture.count; ++age) left -= mixture.weights[age] * ring[ring_place(age)][sample];
+  return left;
+}
+
+/// Least squares over the sampled nodes. The weights sum to one, so that it mixes moved bodies as well.
+Starts::Mixture Starts::fitted_mixture() const {
+  if (known_ < kFrames) return {};
+  Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d along = Eigen::Vector2d::Zero();
+  for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
+    const auto at = [&](int age) -> Eigen::Vector4d {
+      return skinned_[ring_place(age)][sample].cast<double>();
+    };
+    Eigen::Matrix<double, 4, 2> steps;
+    steps << at(0) - at(1), at(1) - at(2);
+    square += steps.transpose() * steps;
+    along += steps.transpose() * (at(-1) - at(0));
+  }
+  // Answers are wrong by up to the tolerance: where hardly anything moved, large multiples would be of that.
+  square.diagonal().array() += static_cast<double>(sampled_slots_.size()) * tolerance_ * tolerance_;
+  const Eigen::Vector2f steps = (square.inverse() * along).cast<float>();
+  return {kFrames, {1.0f + steps[0], steps[1] - steps[0], -steps[1]}};
+}
+
+/// The start that needs the least work; among equals the one with the smallest error.
+Starts::Choice Starts::cheapest(bool only_skinned) const {
+  Choice best;
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kMixtures; ++k) {
+    const Mixture& mixture = mixtures_[k];
+    if (mixture.count == 0) continue;
+    float plain = 0.0f;
+    float skinned = 0.0f;
+    for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
+      const float rest = rest_errors_[k][sample];
+      skinned = std::max(skinned, rest);
+      plain = std::max(plain, rest + left_by(mixture, skinned_, sample).squaredNorm());
+    }
+    const auto offer = [&](Choice choice, double error, double cost) {
+      cost += later_cycles(error, tolerance_) * kNearCost + 1e-3 * error / tolerance_;
+      if (!(cost < least)) return;
+      best = choice;
+      least = cost;
+    };
+    offer({mixture, true, Reach::near}, kLeftByNear * std::sqrt(static_cast<double>(skinned)),
+          kNearCost + kSkinningCost);
+    if (!only_skinned)
+      offer({mixture, false, Reach::far}, kLeftByFar * std::sqrt(static_cast<double>(plain)), 1.0);
+  }
+  return best;
+}
+
+Starts::Choice Starts::choose_first() const {
+  const auto polynomial = [&](int degree) { return Choice{mixtures_[std::clamp(known_ - 1, 0, degree)]}; };
+  switch (start_) {
+    case Start::zero:
+      return {};
+    case Start::previous:
+    case Start::fischer:
+      return polynomial(0);
+    case Start::linear:
+      return polynomial(1);
+    case Start::quadratic:
+      return polynomial(2);
+    case Start::skinning:
+      return known_ > 0 ? cheapest(true) : Choice{{}, true, Reach::far};
+    case Start::automatic:
+      break;
+  }
+  return known_ > 0 ? cheapest(false) : Choice{{}, true, Reach::far};
+}
+
+void Starts::begin_frame(const Pose& pose, const PoseRotations& rotations) {
+  solve_ = 0;
+  if (projection_ && known_ > 1) projection_->add(recent(0), recent(1));
+  Eigen::VectorXf& coordinates = coordinates_[frame_ % (kFrames + 1)];
+  skinning_.read(pose, rotations, coordinates);
+  SlotRows& skinned = skinned_[frame_ % (kFrames + 1)];
+  for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
+    skinned[sample] =
+        SkinningBase::at(sampled_terms_.of(static_cast<int>(sample)), sampled_rest_[sample], coordinates);
+  }
+  for (int degree = 0; degree < kFrames; ++degree) {
+    mixtures_[degree] = degree < known_ ? Mixture{degree + 1, kPolynomials[degree]} : Mixture{};
+  }
+  mixtures_[kFitted] = fitted_mixture();
+  choice_ = choose_first();
+  if (!choice_.skinned) return;
+  unforeseen_ = coordinates;
+  for (int age = 0; age < choice_.mixture.count; ++age) {
+    unforeseen_ -= choice_.mixture.weights[age] * coordinates_[ring_place(age)];
+  }
 }
 
 void Starts::choose(int solve) {
   solve_ = solve;
-  const int degree = std::min(wanted_degree(start_, histories_[solve].best_degree), known_ - 1);
-  terms_ = degree + 1;
-  if (terms_ > 0) std::copy_n(kPolynomials[degree], 3, coefficients_.begin());
+  int wanted = histories_[solve].best;
+  if (start_ == Start::previous) wanted = 0;
+  if (start_ == Start::linear) wanted = 1;
+  if (start_ == Start::quadratic) wanted = 2;
+  if (mixtures_[wanted].count == 0) wanted = std::max(known_ - 1, 0);
+  const bool from_before = start_ == Start::zero || known_ == 0;
+  // What the local step changes reaches far; extrapolated, little of it is left.
+  choice_ = from_before ? Choice{{}, false, Reach::far} : Choice{mixtures_[wanted], false, Reach::near};
 }
 
-Eigen::Vector4f Starts::polynomial(int degree, int slot) const {
-  Eigen::Vector4f sum = Eigen::Vector4f::Zero();
-  for (int age = 0; age <= degree; ++age) sum += kPolynomials[degree][age] * recent(age)[slot];
-  return sum;
+void Starts::improve(std::span<Eigen::Vector4f> residual) {
+  if (projection_ && solve_ == 0) projection_->improve(now(), residual);
 }
 
-void Starts::settle(const std::array<float, 3>& worst) {
-  const int degrees = std::min(known_, 3);
-  // Until all degrees could be tried the highest is taken: motion is smooth more often than not.
-  histories_[solve_].best_degree =
-      degrees < 3 ? 2 : static_cast<int>(std::min_element(worst.begin(), worst.end()) - worst.begin());
-}
-
-void Starts::end_frame() {
-  newest_ = (newest_ + 1) % 3;
-  known_ = std::min(known_ + 1, 3);
+void Starts::judge() {
+  History& history = histories_[solve_];
+  SlotRows& answers = history.sampled[frame_ % (kFrames + 1)];
+  std::array<float, kMixtures> worst{};
+  for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
+    answers[sample] = now()[sampled_slots_[sample]];
+    float squared = 0.0f;
+    for (int k = 0; k < kMixtures; ++k) {
+      const Mixture& mixture = mixtures_[k];
+      Eigen::Vector4f wrong = left_by(mixture, history.sampled, sample);
+      worst[k] = std::max(worst[k], wrong.squaredNorm());
+      if (solve_ > 0) continue;
+      if (mixture.count > 0) {
+        wrong -= left_by(mixture, skinned_, sample);
+        squared = wrong.squaredNorm();
+      } else if (k < kFitted) {
+        squared *= kNextDegreeLeaves;
+      }
+      rest_errors_[k][sample] = squared;
+    }
+  }
+  history.best =
+      known_ < kFrames ? 2 : static_cast<int>(std::min_element(worst.begin(), worst.end()) - worst.begin());
 }
 
 std::size_t Starts::bytes() const {
-  const std::size_t rows = histories_.empty() ? 0 : histories_.front().rows.front().size();
-  return 3 * histories_.size() * rows * sizeof(Eigen::Vector4f);
+  const std::size_t rows = histories_.front().rows.front().size();
+  return kFrames * histories_.size() * rows * sizeof(Eigen::Vector4f) +
+         5 * static_cast<std::size_t>(unforeseen_.size()) * sizeof(float) +
+         (projection_ ? projection_->bytes() : 0);
 }
 
 }  // namespace sinew

@@ -1,88 +1,138 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "pipeline/frame_solver.h"
+#include "pipeline/projection.h"
+#include "pipeline/skinning_base.h"
 
 /// Internal to pipeline/: where the solves of a frame begin.
 namespace sinew {
 
-/// One row per free slot: x, y, z and a zero, in the units of FrameNodes.
-using SlotRows = std::vector<Eigen::Vector4f>;
-
 /// The starts of a frame's solves, foretold in time.
 ///
-/// The first solve starts from the answers of the frames before, extrapolated. Each later solve of a frame
-/// starts from the answer of the one before plus the extrapolated step between these two solves. Extrapolated
-/// is a polynomial through up to three frames, of the degree that Start names; Start::automatic takes for each
-/// solve the degree that would have done best one frame ago.
+/// The first solve starts from a mixture of the last three answers: extrapolated by a polynomial of degree 0
+/// to 2, or with the weights that mix this pose's skinned positions from those of the last poses best. A
+/// skinned start adds, at every node, what the mixture leaves of the skinned positions; it is as good far
+/// away, so that a V-cycle is enough where the others want one of full multigrid. Start::automatic tries all
+/// of them on some hundred nodes in every frame and takes the one that is foretold to need the least work: an
+/// error is what the mixture left of the answer less the skinned positions one frame ago and, without
+/// skinning, what it leaves of the skinned positions now, which is known. Each later solve of a frame starts
+/// from the answer of the one before plus the step between these two solves, mixed with the weights that
+/// would have done best one frame ago.
 class Starts {
  public:
-  Starts(int free_count, int solves, Start start);
+  Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
+         ThreadTeam& team);
 
-  void forget() { known_ = 0; }
+  void forget();
 
-  /// Before each solve of a frame, numbered from 0.
+  /// Before the first solve of a frame; `rotations` has read the pose.
+  void begin_frame(const Pose& pose, const PoseRotations& rotations);
+  /// Before each later solve, numbered from 1.
   void choose(int solve);
 
-  /// Start of a slot in the chosen solve; `before` is its answer of the solve before.
-  Eigen::Vector4f at(int slot, const Eigen::Vector4f& before) const {
-    Eigen::Vector4f sum = base(before);
-    for (int age = 0; age < terms_; ++age) sum += coefficients_[age] * recent(age)[slot];
-    return sum;
-  }
-
-  /// Tries every degree against the answers at(slot, places) + steps of some slots. Before keep().
-  template <typename Before>
-  void judge(std::span<const Eigen::Vector4f> steps, const Before& before) {
-    constexpr std::size_t stride = 61;
-    std::array<float, 3> worst{};
-    for (std::size_t slot = 0; slot < steps.size(); slot += stride) {
-      const int i = static_cast<int>(slot);
-      const Eigen::Vector4f changed = at(i, before(i)) + steps[slot] - base(before(i));
-      for (int degree = 0; degree < 3; ++degree) {
-        worst[degree] = std::max(worst[degree], (changed - polynomial(degree, i)).squaredNorm());
-      }
+  /// Start of a slot in the chosen solve; `before` is its answer of the solve before. Calls for different
+  /// slots may run side by side.
+  Eigen::Vector4f begin(int slot, const Eigen::Vector4f& before) {
+    Eigen::Vector4f start = base(before);
+    for (int age = 0; age < choice_.mixture.count; ++age) {
+      start += choice_.mixture.weights[age] * recent(age)[slot];
     }
-    settle(worst);
+    if (choice_.skinned) start += SkinningBase::at(terms_.of(slot), nodes_.records[slot].rest, unforeseen_);
+    now()[slot] = start;
+    return start;
   }
 
-  /// Takes note of a slot's first answer. Calls for different slots may run side by side.
-  void keep(int slot, const Eigen::Vector4f& before, const Eigen::Vector4f& answer) {
-    oldest()[slot] = answer - base(before);
+  /// Once the residual of the start is known: a better start, and its residual.
+  void improve(std::span<Eigen::Vector4f> residual);
+
+  /// How far the first correction must reach.
+  Reach reach() const { return choice_.reach; }
+
+  /// The first correction of a solve. Gives the answer, which is remembered.
+  Eigen::Vector4f finish(int slot, const Eigen::Vector4f& before, const Eigen::Vector4f& step) {
+    const Eigen::Vector4f answer = now()[slot] + step;
+    now()[slot] = answer - base(before);
+    return answer;
   }
   /// A later cycle of the same solve moved the answer.
-  void move(int slot, const Eigen::Vector4f& step) { oldest()[slot] += step; }
+  void move(int slot, const Eigen::Vector4f& step) { now()[slot] += step; }
+
+  /// After each solve: how wrong every mixture would have been on the sampled nodes.
+  void judge();
   /// After the last solve of a frame.
-  void end_frame();
+  void end_frame() {
+    ++frame_;
+    known_ = std::min(known_ + 1, kFrames);
+  }
 
   std::size_t bytes() const;
 
  private:
+  static constexpr int kFrames = 3;
+  /// Polynomials of degree 0 to 2, and the fitted weights.
+  static constexpr int kMixtures = 4;
+  static constexpr int kFitted = 3;
+
+  /// Weights of the last frames in the next one, newest first.
+  struct Mixture {
+    int count = 0;  ///< 0: nothing of earlier frames
+    std::array<float, kFrames> weights{};
+  };
+  struct Choice {
+    Mixture mixture;
+    bool skinned = false;
+    Reach reach = Reach::far;
+  };
+  using SampleRing = std::array<SlotRows, kFrames + 1>;  ///< by sampled node, this frame's at frame_ % 4
+  /// Of one solve: the answers less the solve before, by slot and by sampled node, and what was learnt.
   struct History {
-    std::array<SlotRows, 3> rows;
-    int best_degree = 2;
+    std::array<SlotRows, kFrames> rows;
+    SampleRing sampled;
+    int best = 2;  ///< mixture
   };
 
   Eigen::Vector4f base(const Eigen::Vector4f& before) const {
     return solve_ > 0 ? before : Eigen::Vector4f(Eigen::Vector4f::Zero());
   }
-  const SlotRows& recent(int age) const { return histories_[solve_].rows[(newest_ + 3 - age) % 3]; }
-  SlotRows& oldest() { return histories_[solve_].rows[(newest_ + 1) % 3]; }
-  Eigen::Vector4f polynomial(int degree, int slot) const;
-  void settle(const std::array<float, 3>& worst);
+  /// Three frames take turns: the start, then the answer, of this one takes the place of the oldest, which no
+  /// other slot's start needs.
+  const SlotRows& recent(int age) const { return histories_[solve_].rows[(frame_ + 2 - age) % kFrames]; }
+  SlotRows& now() { return histories_[solve_].rows[frame_ % kFrames]; }
+  /// The place in a ring of four of the frame `age` frames before the last.
+  int ring_place(int age) const { return (frame_ + kFrames - age) % (kFrames + 1); }
 
+  Eigen::Vector4f left_by(const Mixture& mixture, const SampleRing& ring, std::size_t sample) const;
+  Mixture fitted_mixture() const;
+  Choice choose_first() const;
+  Choice cheapest(bool only_skinned) const;
+
+  const FrameNodes& nodes_;
+  const SlotTerms& terms_;
   Start start_;
-  std::vector<History> histories_;  // per solve of a frame
-  int known_ = 0;                   // frames in the histories
-  int newest_ = 0;
+  double tolerance_;
+  SkinningBase skinning_;
+  std::optional<Projection> projection_;
+  std::vector<int> sampled_slots_;
+  SlotTerms sampled_terms_;
+  SlotRows sampled_rest_;
+  std::vector<History> histories_;                        // per solve of a frame
+  std::array<Eigen::VectorXf, kFrames + 1> coordinates_;  // of the poses, this frame's at frame_ % 4
+  Eigen::VectorXf unforeseen_;                            // what the chosen mixture leaves of them
+  SampleRing skinned_;
+  std::array<Mixture, kMixtures> mixtures_;  // those of too many frames are empty
+  /// Per mixture and sampled node: what it left of the answer less the skinned position, squared, one frame
+  /// ago.
+  std::array<std::vector<float>, kMixtures> rest_errors_;
+  int known_ = 0;  // frames in the histories
+  int frame_ = 0;
   int solve_ = 0;
-  int terms_ = 0;
-  std::array<float, 3> coefficients_{};
+  Choice choice_;
 };
 
 }  // namespace sinew

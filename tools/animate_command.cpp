@@ -20,6 +20,7 @@
 #include "tools/interrupt.h"
 #include "tools/output_pattern.h"
 #include "tools/progress.h"
+#include "tools/start_names.h"
 
 namespace sinew {
 namespace {
@@ -229,14 +230,6 @@ class FrameSink {
   const MeshAsset& asset_;
   GltfWriter gltf_;
 };
-
-Start start_named(const std::string& name) {
-  if (name == "zero") return Start::zero;
-  if (name == "previous") return Start::previous;
-  if (name == "linear") return Start::linear;
-  if (name == "quadratic") return Start::quadratic;
-  return Start::automatic;
-}
 
 AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRange& frames) {
   AnimateOptions result;

@@ -13,6 +13,7 @@
 #include "tools/frame_range.h"
 #include "tools/interrupt.h"
 #include "tools/progress.h"
+#include "tools/start_names.h"
 
 namespace sinew {
 namespace {
@@ -145,6 +146,7 @@ ExitCode run_bench_frames(const BenchFramesOptions& options) {
   bench.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
   bench.repeats = options.repeats;
   bench.frame.tolerance = options.tolerance;
+  bench.frame.start = start_named(options.start);
   bench.cholesky = options.cholesky;
   bench.limits = limits_of(options);
   Progress progress(options.common.progress, options.common.quiet);

@@ -77,6 +77,7 @@ struct BenchFramesOptions : BenchOptions {
   std::string deform = "refined";
   int size = 500000;
   double tolerance = 1e-4;
+  std::string start = "auto";
   int repeats = 9;
   bool cholesky = true;
   std::filesystem::path save;

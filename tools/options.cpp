@@ -7,6 +7,7 @@
 
 #include "tools/commands.h"
 #include "tools/frame_range.h"
+#include "tools/start_names.h"
 #include "tools/version.h"
 
 namespace sinew {
@@ -34,8 +35,8 @@ void add_common(CLI::App& verb, CommonOptions& common) {
   verb.add_flag("-v,--verbose", common.verbose, "Print what each stage found");
 }
 
-CLI::Validator one_of(std::initializer_list<std::string> names) {
-  return CLI::IsMember(std::vector<std::string>(names)).description("");
+CLI::Validator one_of(std::vector<std::string> names) {
+  return CLI::IsMember(std::move(names)).description("");
 }
 
 void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool& no) {
@@ -71,8 +72,8 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
       ->check(CLI::Range(1e-14, 1.0).description(""))
       ->capture_default_str();
   verb->add_option("--start", options.start,
-                   "Where a frame's solve begins: auto, zero, previous, linear or quadratic")
-      ->check(one_of({"auto", "zero", "previous", "linear", "quadratic"}));
+                   "Where a frame's solve begins: auto, zero, previous, linear, quadratic, skinning or fischer")
+      ->check(one_of(start_names()));
   verb->add_option("--format", options.format,
                    "pca (few morph targets), exact (one per frame) or obj (a file per frame)")
       ->check(one_of({"pca", "exact", "obj"}));
@@ -154,6 +155,9 @@ void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
   verb->add_option("--tolerance", options.tolerance,
                    "Largest error of any vertex, as a share of the diagonal")
       ->check(CLI::Range(1e-14, 1.0).description(""))
+      ->capture_default_str();
+  verb->add_option("--start", options.start, "Where a frame's solve begins, as in animate")
+      ->check(one_of(start_names()))
       ->capture_default_str();
   verb->add_option("--repeats", options.repeats,
                    "Runs over the frames; a frame's time is the median over them")

@@ -20,7 +20,8 @@ Motion waving(int frames) {
   return motion;
 }
 
-std::vector<Field3> frames_of(const Rig& rig, const Motion& motion, const AnimateOptions& options, ThreadTeam& team) {
+std::vector<Field3> frames_of(const Rig& rig, const Motion& motion, const AnimateOptions& options,
+                              ThreadTeam& team) {
   std::vector<Field3> frames;
   animate(rig, motion, options, team, [&](const FrameResult& result) {
     frames.push_back(*result.positions);
@@ -32,28 +33,36 @@ std::vector<Field3> frames_of(const Rig& rig, const Motion& motion, const Animat
 class Animate : public testing::Test {
  protected:
   ThreadTeam team_{1};
-  Rig rig_ = build_rig(arm_mesh(), arm_skeleton(), arm_options(Deform::refined, SolverKind::multigrid), team_);
+  Rig rig_ =
+      build_rig(arm_mesh(), arm_skeleton(), arm_options(Deform::refined, SolverKind::multigrid), team_);
 };
 
 TEST_F(Animate, part_of_a_motion_has_the_bytes_of_the_whole) {
   const Motion motion = waving(30);
-  AnimateOptions options;
-  options.chunk = 8;
-  const std::vector<Field3> whole = frames_of(rig_, motion, options, team_);
-  ASSERT_EQ(whole.size(), 30u);
-  options.first_frame = 13;
-  options.last_frame = 22;  // across a chunk's end
-  const std::vector<Field3> part = frames_of(rig_, motion, options, team_);
-  ASSERT_EQ(part.size(), 10u);
-  for (std::size_t k = 0; k < part.size(); ++k) EXPECT_TRUE(part[k] == whole[13 + k]) << k;
+  for (const Start start : {Start::automatic, Start::quadratic, Start::skinning, Start::fischer}) {
+    AnimateOptions options;
+    options.chunk = 8;
+    options.frame.start = start;
+    const std::vector<Field3> whole = frames_of(rig_, motion, options, team_);
+    ASSERT_EQ(whole.size(), 30u);
+    options.first_frame = 13;
+    options.last_frame = 22;  // across a chunk's end
+    const std::vector<Field3> part = frames_of(rig_, motion, options, team_);
+    ASSERT_EQ(part.size(), 10u);
+    for (std::size_t k = 0; k < part.size(); ++k) EXPECT_TRUE(part[k] == whole[13 + k]) << k;
+  }
 }
 
 TEST_F(Animate, one_and_two_threads_give_the_same_bytes) {
   const Motion motion = waving(6);
   ThreadTeam two(2);
-  const auto one_thread = frames_of(rig_, motion, {}, team_);
-  const auto two_threads = frames_of(rig_, motion, {}, two);
-  for (std::size_t k = 0; k < one_thread.size(); ++k) EXPECT_TRUE(one_thread[k] == two_threads[k]) << k;
+  for (const Start start : {Start::automatic, Start::skinning, Start::fischer}) {
+    AnimateOptions options;
+    options.frame.start = start;
+    const auto one_thread = frames_of(rig_, motion, options, team_);
+    const auto two_threads = frames_of(rig_, motion, options, two);
+    for (std::size_t k = 0; k < one_thread.size(); ++k) EXPECT_TRUE(one_thread[k] == two_threads[k]) << k;
+  }
 }
 
 TEST_F(Animate, frames_come_in_order_until_the_sink_says_stop) {
@@ -83,7 +92,8 @@ TEST_F(Animate, a_pose_that_is_not_finite_is_named) {
     frames_of(rig_, motion, {}, team_);
     FAIL() << "not refused";
   } catch (const UnusableInput& error) {
-    EXPECT_STREQ(error.what(), "frame 2 of 'waving': joint 'lower_arm' has a value that is not a finite number");
+    EXPECT_STREQ(error.what(),
+                 "frame 2 of 'waving': joint 'lower_arm' has a value that is not a finite number");
   }
 }
 

@@ -144,16 +144,40 @@ TEST_P(FrameSolverForms, one_and_two_threads_give_the_same_bytes) {
 TEST_P(FrameSolverForms, a_frame_allocates_nothing) {
   for (const SolverKind kind : {SolverKind::multigrid, SolverKind::cholesky}) {
     const Rig rig = build(kind);
-    FrameSolver solver(rig, exact(GetParam(), 1e-4), team_);
-    Field3 positions = rig.volume.rest_positions;
-    const Pose pose = bent_arm(90, 30);
-    const long before = allocation_count();
-    for (int frame = 0; frame < 5; ++frame) solver.solve(pose);
-    solver.forget();
-    solver.solve(pose);
-    solver.read_positions(positions);
-    EXPECT_EQ(allocation_count(), before);
+    for (const Start start : {Start::automatic, Start::skinning, Start::fischer}) {
+      FrameOptions options = exact(GetParam(), 1e-4);
+      options.start = start;
+      FrameSolver solver(rig, options, team_);
+      Field3 positions = rig.volume.rest_positions;
+      const Pose pose = bent_arm(90, 30), next = bent_arm(95, 40);
+      const long before = allocation_count();
+      for (int frame = 0; frame < 5; ++frame) solver.solve(frame % 2 == 0 ? pose : next);
+      solver.forget();
+      solver.solve(pose);
+      solver.read_positions(positions);
+      EXPECT_EQ(allocation_count(), before);
+    }
   }
+}
+
+TEST_P(FrameSolverForms, skinning_begins_a_rigid_motion_at_its_end) {
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(1.9, Eigen::Vector3d(1, 2, -1).normalized()));
+  Pose pose = rest_pose(rig.skeleton);
+  for (std::size_t joint = 0; joint < pose.positions.size(); ++joint) {
+    pose.positions[joint] = turn * pose.positions[joint] + Eigen::Vector3d(3, -1, 2);
+    pose.rotations[joint] = turn * pose.rotations[joint];
+  }
+  const auto cycles_of = [&](Start start) {
+    FrameOptions options = exact(GetParam(), 1e-5);
+    options.start = start;
+    FrameSolver solver(rig, options, team_);
+    const FrameReport report = solver.solve(pose);
+    return report.cycles - report.solves;
+  };
+  EXPECT_EQ(cycles_of(Start::skinning), 0);
+  EXPECT_EQ(cycles_of(Start::automatic), 0);
+  EXPECT_GT(cycles_of(Start::zero), 0);
 }
 
 /// The largest move of a node in one degree, over the median of the sweep's degrees.
@@ -213,8 +237,8 @@ TEST_P(FrameSolverForms, the_answer_hardly_depends_on_where_it_starts) {
   const Rig rig = build(SolverKind::multigrid);
   const Pose pose = bent_arm(70, 20);
   const Field3 afresh = solved(rig, exact(GetParam()), pose, team_);
-  for (const Start start :
-       {Start::automatic, Start::zero, Start::previous, Start::linear, Start::quadratic}) {
+  for (const Start start : {Start::automatic, Start::zero, Start::previous, Start::linear, Start::quadratic,
+                            Start::skinning, Start::fischer}) {
     FrameOptions options = exact(GetParam());
     options.start = start;
     FrameSolver solver(rig, options, team_);
@@ -245,6 +269,8 @@ TEST_P(FrameSolverForms, steady_motion_needs_fewer_cycles_than_frames_solved_fro
     return cycles;
   };
   EXPECT_LT(cycles_of(Start::automatic), 0.7 * cycles_of(Start::zero));
+  EXPECT_LT(cycles_of(Start::skinning), 0.8 * cycles_of(Start::zero));
+  EXPECT_LT(cycles_of(Start::fischer), 0.8 * cycles_of(Start::zero));
 }
 
 TEST_P(FrameSolverForms, the_estimated_error_is_at_least_half_of_the_true_one) {

@@ -22,7 +22,7 @@ struct AnimateOptions {
   /// Frames are solved in chunks whose starts are multiples of this many frames of the *motion*; a
   /// chunk starts from nothing, each later frame from the ones before. So a frame's bytes
   /// depend on this number and on the motion, not on threads or on first_frame.
-  int chunk = 64;
+  int chunk = 128;
 };
 
 /// One finished frame, handed out in order.

@@ -22,8 +22,8 @@ constexpr double kLeftLater = 0.2;
 constexpr double kSpare = 0.3;
 
 /// Costs, in cycles of full multigrid.
-constexpr double kNearCost = 0.7;
-constexpr double kSkinningCost = 0.15;
+constexpr double kNearCost = 0.9;
+constexpr double kSkinningCost = 0.25;
 
 /// A polynomial of a degree that could not be tried yet is taken to be this much better than the next lower
 /// one, squared: motion is smooth more often than not.

@@ -35,6 +35,17 @@ TEST(Program, wrong_usage_is_one_line_and_exit_2) {
   }
 }
 
+TEST(Program, a_start_nobody_knows_is_refused_with_those_that_are_known) {
+  for (const std::vector<std::string>& arguments :
+       {ogre_job("x.glb", {"--start", "nonsense"}), {"bench", "frames", "--start", "nonsense"}}) {
+    const ProgramRun run = run_sinew(arguments);
+    EXPECT_EQ(run.exit_code, 2);
+    EXPECT_EQ(run.errors,
+              "error: --start: nonsense not in {auto,fischer,linear,previous,quadratic,skinning,zero}; "
+              "see sinew --help\n");
+  }
+}
+
 TEST(Program, help_lists_only_verbs_that_work) {
   const ProgramRun run = run_sinew({"--help"});
   EXPECT_EQ(run.exit_code, 0);

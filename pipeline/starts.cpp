@@ -14,7 +14,7 @@ constexpr int kMostSamples = 500;
 
 /// What the first cycle leaves of a start's error as far as samples show it, and what each later cycle
 /// leaves.
-constexpr double kLeftByFar = 0.02;
+constexpr double kLeftByFar = 0.008;
 constexpr double kLeftByNear = 0.5;
 constexpr double kLeftLater = 0.2;
 

@@ -16,6 +16,7 @@ class CoarseFactor {
  public:
   /// `A` symmetric. Directions in which A is zero to rounding (coarse nodes that repeat one another)
   /// get no correction.
+  CoarseFactor() = default;  ///< of nothing
   explicit CoarseFactor(const SparseMatrix& A);
 
   int size() const { return static_cast<int>(inverse_pivots_.size()); }

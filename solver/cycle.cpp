@@ -301,6 +301,9 @@ CycleMemory::CycleMemory(const Hierarchy::Members& hierarchy, int width) {
     levels.push_back({AlignedMemory((rows + 1) * row_bytes), AlignedMemory(rows * row_bytes),
                       AlignedMemory(rows * row_bytes), AlignedMemory(sums * row_bytes)});
   }
+  std::size_t patch_nodes = 0;
+  for (const Patch& patch : hierarchy.patches) patch_nodes += patch.nodes.size();
+  patch_rows = AlignedMemory(2 * patch_nodes * row_bytes);
 }
 
 template <int kWidth>
@@ -338,18 +341,21 @@ void Cycle<kWidth>::finish() {
   if (last_level() == 0) return;
   if (!finished_by_smoothing(hierarchy_, 0)) return improve(0);
   smooth_forward(0, kFinishingSweeps);
+  solve_patches(0);
   smooth_backward(0, kFinishingSweeps);
 }
 
 template <int kWidth>
 void Cycle<kWidth>::improve(int level) {
   smooth_forward(level, sweeps_on_level(hierarchy_, level, sweeps_));
+  solve_patches(level);
   restrict_residual(level);
   if (level + 1 == last_level())
     solve_last_level();
   else
     improve(level + 1);
   correct(level);
+  solve_patches(level);
   smooth_backward(level, sweeps_on_level(hierarchy_, level, sweeps_));
 }
 
@@ -398,6 +404,31 @@ void Cycle<kWidth>::smooth_backward(int level, int count) {
     sweep_parity(level, 1, sweep);
     sweep_parity(level, 0, sweep);
   }
+}
+
+// The patches' own equations, exactly, with the nodes around them held.
+template <int kWidth>
+void Cycle<kWidth>::solve_patches(int level) {
+  if (level > 0) return;
+  const LevelMatrix& A = hierarchy_.matrices[level];
+  const Float* const right_hand_side = b(level);
+  Float* const values = x(level);
+  Float* const rows = memory_.patch_rows.as<Float>();
+  team_.for_each_block(static_cast<int>(hierarchy_.patches.size()), [&](int index) {
+    const Patch& patch = hierarchy_.patches[index];
+    Float* const residual = rows + 2 * static_cast<std::size_t>(patch.first_row);
+    for (int row = 0; row < patch.size(); ++row) {
+      const int node = patch.nodes[row];
+      Float sum{};
+      for (int k = patch.offsets[row]; k < patch.offsets[row + 1]; ++k) {
+        const float weight = patch.weights.empty() ? A.uniform_weight : patch.weights[k];
+        sum += weight * values[patch.neighbors[k]];
+      }
+      residual[row] = right_hand_side[node] - A.diagonal[node] * values[node] + sum;
+    }
+    patch.factor.template solve<kWidth>(residual, residual, residual + patch.size());
+    for (int row = 0; row < patch.size(); ++row) values[patch.nodes[row]] += residual[row];
+  });
 }
 
 template <int kWidth>

@@ -35,6 +35,7 @@ struct CycleMemory {
     AlignedMemory corner_sums;  ///< eight rows per piece of the transfer to the next level
   };
   std::vector<Level> levels;
+  AlignedMemory patch_rows;  ///< two rows per node of the patches
 };
 
 /// Cycles that approximate A^-1 for kWidth right-hand sides. Every step is cut into blocks fixed by the
@@ -72,6 +73,7 @@ class Cycle {
   int last_level() const { return static_cast<int>(hierarchy_.matrices.size()) - 1; }
 
   void clear(int level);
+  void solve_patches(int level);
   void smooth_forward(int level, int count);
   void smooth_backward(int level, int count);
   template <typename Sweep>

@@ -75,6 +75,19 @@ CycleCost interpolate_values(const Transfer& transfer, std::int64_t reads) {
       kLanes * (n * (kInterpolateOperations + reads - 1) + pieces * 4)};
 }
 
+// Residuals of the patches' nodes, their factors down and up, and the step.
+CycleCost solve_patches(const std::vector<Patch>& patches) {
+  CycleCost cost;
+  for (const Patch& patch : patches) {
+    const std::int64_t n = patch.size();
+    const auto neighbors = static_cast<std::int64_t>(patch.neighbors.size());
+    const auto factor = static_cast<std::int64_t>(patch.factor.bytes());
+    cost = cost + CycleCost{static_cast<std::int64_t>(patch.bytes()) + factor + neighbors * kRow + 8 * n * kRow,
+                            kLanes * (2 * neighbors + 4 * patch.factor.entries() + 5 * n)};
+  }
+  return cost;
+}
+
 class Counter {
  public:
   Counter(const Hierarchy::Members& hierarchy, int sweeps) : hierarchy_(hierarchy), sweeps_(sweeps) {}
@@ -89,7 +102,8 @@ class Counter {
       const Transfer& transfer = hierarchy_.transfers[level];
       cost = cost + restrict_values(transfer) + interpolate_values(transfer, 1);
       cost = cost + (finished_by_smoothing(hierarchy_, level)
-                         ? 2 * kFinishingSweeps * matrix_pass(hierarchy_.matrices[level])
+                         ? 2 * kFinishingSweeps * matrix_pass(hierarchy_.matrices[level]) +
+                               solve_patches(hierarchy_.patches)
                          : improve(level));
     }
     return cost;
@@ -101,7 +115,8 @@ class Counter {
   CycleCost improve(int level) const {
     const Transfer& transfer = hierarchy_.transfers[level];
     const std::int64_t passes = 2 * sweeps_on_level(hierarchy_, level, sweeps_) + 1;
-    return passes * matrix_pass(hierarchy_.matrices[level]) + restrict_values(transfer) +
+    const CycleCost patches = level == 0 ? 2 * solve_patches(hierarchy_.patches) : CycleCost{};
+    return patches + passes * matrix_pass(hierarchy_.matrices[level]) + restrict_values(transfer) +
            clear(hierarchy_.matrices[level + 1]) + interpolate_values(transfer, 2) +
            (level + 1 == last() ? last_level() : improve(level + 1));
   }

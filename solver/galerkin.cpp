@@ -259,6 +259,7 @@ void finish_level(LevelMatrix& matrix) {
 SparseMatrix to_sparse(const LevelMatrix& matrix) {
   const int n = matrix.size();
   SparseMatrix A(n, n);
+  if (n == 0) return A;  // Eigen 3.4 reads behind the rows of an empty matrix
   Eigen::VectorXi row_sizes(n);
   for (int i = 0; i < n; ++i) row_sizes[i] = matrix.offsets[i + 1] - matrix.offsets[i] + 1;
   A.reserve(row_sizes);

@@ -10,6 +10,7 @@
 #include "solver/galerkin.h"
 #include "solver/hierarchy_levels.h"
 #include "solver/lattice_coarsening.h"
+#include "solver/patch_search.h"
 #include "solver/shi_coarsening.h"
 
 namespace sinew {
@@ -152,8 +153,10 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
   const LevelMatrix& last = members_->matrices.back();
   if (last.size() <= std::max(kLargestFactor, options.coarsest_size))
     members_->bottom.emplace(to_sparse(last));
-  if (options.coarsening == Coarsening::lattice && members_->matrices.size() > 1)
+  if (options.coarsening == Coarsening::lattice && members_->matrices.size() > 1) {
+    members_->patches = find_patches(*members_, team);
     shorten_rows(members_->matrices.front());
+  }
 }
 
 Hierarchy::~Hierarchy() = default;
@@ -165,6 +168,8 @@ std::vector<LevelSummary> Hierarchy::levels() const {
   for (std::size_t level = 0; level < members_->matrices.size(); ++level) {
     const LevelMatrix& matrix = members_->matrices[level];
     LevelSummary summary{matrix.size(), matrix.entries(), matrix.bytes()};
+    if (level == 0)
+      for (const Patch& patch : members_->patches) summary.bytes += patch.bytes();
     if (level < members_->transfers.size()) summary.bytes += members_->transfers[level].bytes();
     if (level < members_->descents.size()) summary.bytes += members_->descents[level].bytes();
     result.push_back(summary);
@@ -190,6 +195,9 @@ std::ostream& operator<<(std::ostream& out, const Hierarchy& hierarchy) {
   }
   const auto finest = static_cast<double>(levels.front().entries + levels.front().nodes);
   const auto complexity = finest > 0 ? static_cast<double>(entries) / finest : 1.0;
+  std::size_t patch_nodes = 0;
+  for (const Patch& patch : hierarchy.members().patches) patch_nodes += patch.nodes.size();
+  if (patch_nodes > 0) out << "nodes in patches " << patch_nodes << ", ";
   out << "operator complexity " << std::round(complexity * 100) / 100 << ", last level "
       << (hierarchy.members().bottom ? "factored" : "swept: too large to factor") << '\n';
   return out;

@@ -6,6 +6,7 @@
 
 #include "solver/coarse_factor.h"
 #include "solver/hierarchy.h"
+#include "solver/patches.h"
 #include "solver/short_rows.h"
 
 /// Internal to solver/: the flat arrays of a Hierarchy, for the files that build and sweep them.
@@ -100,6 +101,7 @@ struct Hierarchy::Members {
   std::vector<LevelMatrix> matrices;   ///< the finest first
   std::vector<Transfer> transfers;     ///< transfers[l] joins levels l and l + 1
   std::vector<EdgeDescent> descents;   ///< likewise, for Coarsening::shi2006 alone
+  std::vector<Patch> patches;          ///< of the finest level
   std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
 };
 

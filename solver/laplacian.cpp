@@ -10,6 +10,7 @@ namespace {
 SparseMatrix graph_matrix(const Graph& graph, const Field* anchor) {
   const int n = graph.node_count();
   SparseMatrix A(n, n);
+  if (n == 0) return A;  // Eigen 3.4 reads behind the rows of an empty matrix
   Eigen::VectorXi row_sizes(n);
   for (int i = 0; i < n; ++i) row_sizes[i] = graph.degree(i) + 1;
   A.reserve(row_sizes);

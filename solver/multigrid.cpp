@@ -24,7 +24,7 @@ constexpr int kSums = 3;
 
 // Largest errors left, in terms of what the finest level's last treatment moved. Measured over clips of fast
 // motion: up to 2.2 after full multigrid, 0.25 after a V-cycle.
-constexpr double kErrorLeftFar = 1.5;
+constexpr double kErrorLeftFar = 0.6;
 constexpr double kErrorLeftNear = 0.3;
 
 // What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.

@@ -148,6 +148,7 @@ ExitCode run_bench_frames(const BenchFramesOptions& options) {
   bench.frame.tolerance = options.tolerance;
   bench.frame.start = start_named(options.start);
   bench.cholesky = options.cholesky;
+  bench.check_errors = options.check_errors;
   bench.limits = limits_of(options);
   Progress progress(options.common.progress, options.common.quiet);
   const FramesBenchResult result = run_frames_bench(scene, motion, bench, [&](const std::string& line) {

@@ -80,6 +80,7 @@ struct BenchFramesOptions : BenchOptions {
   std::string start = "auto";
   int repeats = 9;
   bool cholesky = true;
+  bool check_errors = false;
   std::filesystem::path save;
   std::filesystem::path against;
   double max_slowdown = 1.15;

@@ -164,6 +164,8 @@ void add_bench_frames(CLI::App& bench, BenchFramesOptions& options) {
       ->check(CLI::Range(1, 1000).description(""))
       ->capture_default_str();
   verb->add_flag("!--no-cholesky", options.cholesky, "Without CHOLMOD beside it");
+  verb->add_flag("--check-errors", options.check_errors,
+                 "Compare every frame with a tight solve: is what it says of its error true?");
   verb->add_option("--save", options.save, "Keep this run's times and counts, for --against");
   verb->add_option("--against", options.against, "Compare with a kept run; exit code 4 when this one is slower");
   verb->add_option("--max-slowdown", options.max_slowdown, "Time over the kept run's that is still allowed")

@@ -70,6 +70,7 @@ class FrameRuns {
   }
 
   const FrameLog& log() const { return log_; }
+  const AnimateOptions& settings() const { return animate_; }
 
  private:
   const Rig& rig_;
@@ -194,6 +195,8 @@ FramesBenchResult run_frames_bench(const Scene& scene, const Motion& motion, con
   summarise(runs.log(), result);
   result.bytes_of_solves = bytes_of_solves(rig, runs.log());
   describe(runs.log(), options, result);
+  if (options.check_errors && tell("solving every frame tightly"))
+    result.errors = check_errors(rig, motion, runs.settings(), team);
   if (options.cholesky && tell("CHOLMOD")) result.cholesky = time_cholesky(rig, motion, options, team);
   return result;
 }

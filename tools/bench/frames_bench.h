@@ -7,6 +7,7 @@
 
 #include "io/report.h"
 #include "pipeline/animate.h"
+#include "tools/bench/error_check.h"
 #include "tools/bench/peer_run.h"
 #include "tools/bench/regression.h"
 #include "tools/bench/scenes.h"
@@ -21,6 +22,7 @@ struct FramesBenchOptions {
   int last_frame = -1;
   int repeats = 9;       ///< runs over the frames; a frame's time is the median over them
   bool cholesky = true;  ///< also time one substitution of CHOLMOD on the same system
+  bool check_errors = false;  ///< also solve every frame tightly and compare, which takes longer than the runs
   PeerLimits limits;
 };
 
@@ -47,6 +49,7 @@ struct FramesBenchResult {
   double error = 0.0;            ///< estimated largest error of any node in any frame, share of the diagonal
   double bytes_of_solves = 0.0;  ///< that the cycles of a frame read and write, median; 0 where not known
   std::optional<PeerResult> cholesky;  ///< on the system of the middle frame
+  std::optional<ErrorCheckResult> errors;
   Baseline baseline;                   ///< settings, counters and samples of this run
 
   /// Milliseconds that the solves of a frame would take by substitution; 0 when not measured.

@@ -61,6 +61,17 @@ Table count_table(const FramesBenchResult& result) {
   return table;
 }
 
+Table error_table(const FramesBenchResult& result) {
+  const ErrorCheckResult& errors = *result.errors;
+  Table table{"Beside a tight solve of every frame: largest distance of any node, share of the diagonal",
+              {"", "median", "p95", "p99", "most"},
+              {}};
+  const Spread& found = errors.difference;
+  table.rows.push_back({"distance", error_figure(found.median), error_figure(found.p95),
+                        error_figure(found.p99), error_figure(found.max)});
+  return table;
+}
+
 /// Medians of what a direct solver would replace: starts, cycles, and every residual but the first of each
 /// solve, which is its right-hand side.
 double replaced_milliseconds(const FramesBenchResult& result) {
@@ -106,6 +117,10 @@ std::vector<Target> frame_targets(const FramesBenchResult& result) {
   }
   targets.push_back({"99th percentile of the frames over their median", 2, 2, false,
                      result.frame.p99 / result.frame.median, where, " x"});
+  if (result.errors) {
+    targets.push_back({"distance from the tight solve over the frame's own estimate", 2, 1, false,
+                       result.errors->largest_ratio, where, " x"});
+  }
   if (result.cholesky_milliseconds() > 0.0 && near_size(result, 500000)) {
     targets.push_back({"start and solve, times faster than CHOLMOD's substitution", 9, 20, true,
                        result.cholesky_milliseconds() / replaced_milliseconds(result), where, " x"});
@@ -133,6 +148,7 @@ std::string frames_line(const FramesBenchResult& result) {
 
 std::vector<Table> frames_tables(const FramesBenchResult& result) {
   std::vector<Table> tables = {stage_table(result), count_table(result)};
+  if (result.errors) tables.push_back(error_table(result));
   if (result.cholesky_milliseconds() > 0.0) tables.push_back(cholesky_table(result));
   tables.push_back(target_table(frame_targets(result)));
   return tables;
@@ -158,6 +174,13 @@ std::string frames_json(const FramesBenchResult& result) {
     record["bandwidth_share"] = share_of_bandwidth(result, result.bytes_of_solves, stage.milliseconds.median);
   }
   root["largest_error_estimate"] = result.error;
+  if (result.errors) {
+    root["error_check"] = {{"median", result.errors->difference.median},
+                           {"p99", result.errors->difference.p99},
+                           {"max", result.errors->difference.max},
+                           {"largest_ratio", result.errors->largest_ratio},
+                           {"optimistic_frames", result.errors->optimistic}};
+  }
   root["unconverged_frames"] = result.unconverged;
   root["cycles"] = {{"median", result.cycles.median}, {"max", result.cycles.max}};
   root["solves"] = {{"median", result.solves.median}, {"max", result.solves.max}};

@@ -1,0 +1,159 @@
+#include "solver/patch_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
+#include "solver/cycle.h"
+#include "solver/galerkin.h"
+
+namespace sinew {
+namespace {
+
+constexpr int kProbeSweeps = 2;
+constexpr int kProbeCycles = 5;
+
+/// What the probe may leave of numbers between -1 and 1: a quarter a cycle. The body at large keeps a fifth.
+constexpr float kStubborn = 7e-4f;
+
+/// Edges from the stubborn nodes to the rim of their patch, where the error that is cut off must be rough.
+constexpr int kRings = 2;
+
+constexpr int kFewestOfNodes = 20;  ///< at most one node in this many is taken,
+constexpr int kMostNodes = 20000;   ///< and no more than this: factors grow faster than their patches
+
+/// Small patches share a factor until it has as many nodes.
+constexpr int kFewestInFactor = 256;
+
+/// Between -1 and 1, without pattern in `seed` [Steele, Lea, Flood 2014].
+float scattered(std::uint64_t seed) {
+  std::uint64_t z = (seed + 1) * 0x9e3779b97f4a7c15u;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+  z ^= z >> 31;
+  return static_cast<float>(static_cast<double>(z >> 11) * 0x1p-52 - 1.0);
+}
+
+/// By node: the length of what the probe leaves.
+std::vector<float> probe(const Hierarchy::Members& hierarchy, ThreadTeam& team) {
+  constexpr int kWidth = 4;
+  CycleMemory memory(hierarchy, kWidth);
+  Cycle<kWidth> cycle(hierarchy, kProbeSweeps, team, memory);
+  const int n = hierarchy.matrices.front().size();
+  auto* const error = cycle.solution();
+  for (int node = 0; node < n; ++node)
+    for (int lane = 0; lane < kWidth; ++lane)
+      error[node][lane] = scattered(static_cast<std::uint64_t>(node) * kWidth + lane);
+  for (int k = 0; k < kProbeCycles; ++k) cycle.improve(0);
+  std::vector<float> left(n);
+  for (int node = 0; node < n; ++node) {
+    const auto square = error[node] * error[node];
+    left[node] = std::sqrt(square[0] + square[1] + square[2] + square[3]);
+  }
+  return left;
+}
+
+/// The limit above which a node is stubborn: raised until few enough are.
+float limit_for(std::vector<float> left) {
+  const auto most = std::min<std::size_t>(left.size() / kFewestOfNodes, kMostNodes);
+  const auto nth = left.begin() + static_cast<std::ptrdiff_t>(most);
+  std::nth_element(left.begin(), nth, left.end(), std::greater<>());
+  return std::max(kStubborn, *nth);
+}
+
+/// The stubborn nodes and those within some edges of them.
+std::vector<char> nodes_in_patches(const LevelMatrix& A, const std::vector<float>& left) {
+  const float limit = limit_for(left);
+  std::vector<char> inside(left.size(), 0);
+  std::vector<int> front;
+  for (int node = 0; node < A.size(); ++node) {
+    if (!(left[node] > limit)) continue;
+    inside[node] = 1;
+    front.push_back(node);
+  }
+  for (int ring = 0; ring < kRings; ++ring) {
+    std::vector<int> next;
+    for (const int node : front) {
+      for (int k = A.offsets[node]; k < A.offsets[node + 1]; ++k) {
+        char& neighbor = inside[A.neighbors[k]];
+        if (neighbor != 0) continue;
+        neighbor = 1;
+        next.push_back(A.neighbors[k]);
+      }
+    }
+    front = std::move(next);
+  }
+  return inside;
+}
+
+/// The nodes inside that hang together with `start`, which leave `inside`.
+void take_component(const LevelMatrix& A, int start, std::vector<char>& inside, std::vector<int>& nodes) {
+  std::size_t next = nodes.size();
+  nodes.push_back(start);
+  inside[start] = 0;
+  for (; next < nodes.size(); ++next) {
+    for (int k = A.offsets[nodes[next]]; k < A.offsets[nodes[next] + 1]; ++k) {
+      char& neighbor = inside[A.neighbors[k]];
+      if (neighbor == 0) continue;
+      neighbor = 0;
+      nodes.push_back(A.neighbors[k]);
+    }
+  }
+}
+
+/// `row_of_node` is -1 everywhere, before and after.
+Patch make_patch(const LevelMatrix& A, std::vector<int> nodes, std::vector<int>& row_of_node) {
+  std::sort(nodes.begin(), nodes.end());
+  for (std::size_t row = 0; row < nodes.size(); ++row) row_of_node[nodes[row]] = static_cast<int>(row);
+  Patch patch;
+  LevelMatrix inner;
+  inner.uniform_weight = A.uniform_weight;
+  for (const int node : nodes) {
+    for (int k = A.offsets[node]; k < A.offsets[node + 1]; ++k) {
+      const int row = row_of_node[A.neighbors[k]];
+      patch.neighbors.push_back(A.neighbors[k]);
+      if (row >= 0) inner.neighbors.push_back(row);
+      if (A.weights.empty()) continue;
+      patch.weights.push_back(A.weights[k]);
+      if (row >= 0) inner.weights.push_back(A.weights[k]);
+    }
+    patch.offsets.push_back(static_cast<int>(patch.neighbors.size()));
+    inner.offsets.push_back(static_cast<int>(inner.neighbors.size()));
+    inner.diagonal.push_back(A.diagonal[node]);
+  }
+  patch.factor = CoarseFactor(to_sparse(inner));
+  for (const int node : nodes) row_of_node[node] = -1;
+  patch.nodes = std::move(nodes);
+  return patch;
+}
+
+}  // namespace
+
+std::size_t Patch::bytes() const {
+  return bytes_of(nodes) + bytes_of(offsets) + bytes_of(neighbors) + bytes_of(weights) + factor.bytes();
+}
+
+std::vector<Patch> find_patches(const Hierarchy::Members& hierarchy, ThreadTeam& team) {
+  const LevelMatrix& A = hierarchy.matrices.front();
+  std::vector<char> inside = nodes_in_patches(A, probe(hierarchy, team));
+  std::vector<Patch> patches;
+  std::vector<int> row_of_node(inside.size(), -1);
+  std::vector<int> nodes;
+  int first_row = 0;
+  const auto close = [&] {
+    if (nodes.empty()) return;
+    patches.push_back(make_patch(A, std::exchange(nodes, {}), row_of_node));
+    patches.back().first_row = first_row;
+    first_row += patches.back().size();
+  };
+  for (int node = 0; node < A.size(); ++node) {
+    if (inside[node] == 0) continue;
+    take_component(A, node, inside, nodes);
+    if (static_cast<int>(nodes.size()) >= kFewestInFactor) close();
+  }
+  close();
+  return patches;
+}
+
+}  // namespace sinew

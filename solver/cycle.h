@@ -14,7 +14,7 @@ namespace sinew {
 constexpr int kLastLevelSweeps = 20;
 
 /// Sweeps forward, and as many backward, that finish full multigrid where finished_by_smoothing.
-constexpr int kFinishingSweeps = 3;
+constexpr int kFinishingSweeps = 2;
 
 /// Whether full multigrid merely smooths `level`: the finest one, when it is reached by linear interpolation.
 bool finished_by_smoothing(const Hierarchy::Members& hierarchy, int level);

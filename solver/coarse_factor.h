@@ -14,9 +14,9 @@ namespace sinew {
 /// single precision for several right-hand sides at once: a preconditioner needs no more.
 class CoarseFactor {
  public:
+  CoarseFactor() = default;  ///< of nothing
   /// `A` symmetric. Directions in which A is zero to rounding (coarse nodes that repeat one another)
   /// get no correction.
-  CoarseFactor() = default;  ///< of nothing
   explicit CoarseFactor(const SparseMatrix& A);
 
   int size() const { return static_cast<int>(inverse_pivots_.size()); }

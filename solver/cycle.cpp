@@ -301,9 +301,7 @@ CycleMemory::CycleMemory(const Hierarchy::Members& hierarchy, int width) {
     levels.push_back({AlignedMemory((rows + 1) * row_bytes), AlignedMemory(rows * row_bytes),
                       AlignedMemory(rows * row_bytes), AlignedMemory(sums * row_bytes)});
   }
-  std::size_t patch_nodes = 0;
-  for (const Patch& patch : hierarchy.patches) patch_nodes += patch.nodes.size();
-  patch_rows = AlignedMemory(2 * patch_nodes * row_bytes);
+  patch_rows = AlignedMemory(2 * static_cast<std::size_t>(row_count(hierarchy.patches)) * row_bytes);
 }
 
 template <int kWidth>

@@ -195,8 +195,7 @@ std::ostream& operator<<(std::ostream& out, const Hierarchy& hierarchy) {
   }
   const auto finest = static_cast<double>(levels.front().entries + levels.front().nodes);
   const auto complexity = finest > 0 ? static_cast<double>(entries) / finest : 1.0;
-  std::size_t patch_nodes = 0;
-  for (const Patch& patch : hierarchy.members().patches) patch_nodes += patch.nodes.size();
+  const int patch_nodes = row_count(hierarchy.members().patches);
   if (patch_nodes > 0) out << "nodes in patches " << patch_nodes << ", ";
   out << "operator complexity " << std::round(complexity * 100) / 100 << ", last level "
       << (hierarchy.members().bottom ? "factored" : "swept: too large to factor") << '\n';

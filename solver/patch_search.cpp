@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <utility>
 
 #include "solver/cycle.h"
@@ -140,12 +141,11 @@ std::vector<Patch> find_patches(const Hierarchy::Members& hierarchy, ThreadTeam&
   std::vector<Patch> patches;
   std::vector<int> row_of_node(inside.size(), -1);
   std::vector<int> nodes;
-  int first_row = 0;
   const auto close = [&] {
     if (nodes.empty()) return;
+    const int first_row = row_count(patches);
     patches.push_back(make_patch(A, std::exchange(nodes, {}), row_of_node));
     patches.back().first_row = first_row;
-    first_row += patches.back().size();
   };
   for (int node = 0; node < A.size(); ++node) {
     if (inside[node] == 0) continue;

@@ -21,4 +21,9 @@ struct Patch {
   std::size_t bytes() const;
 };
 
+/// Rows of all patches together: they lie one after the other.
+inline int row_count(const std::vector<Patch>& patches) {
+  return patches.empty() ? 0 : patches.back().first_row + patches.back().size();
+}
+
 }  // namespace sinew

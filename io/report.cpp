@@ -133,7 +133,7 @@ Json summary_json(const Report& report) {
           {"frames_per_second", frames_per_second(report)},
           {"ms", stages},
           {"cycles", json_of(cycle_spread(report))},
-          {"worst_error", worst_error(report)},
+          {"worst_error", report.preview ? Json(nullptr) : Json(worst_error(report))},
           {"worst_residual", worst_residual(report)},
           {"unconverged_frames", unconverged_frames(report)},
           {"volume_ratio", {{"min", lowest(volumes)}, {"median", volume.median}, {"max", volume.max}}},
@@ -153,6 +153,14 @@ Json output_json(const Report& report) {
           {"rms_error", written.rms_error}};
 }
 
+Json preview_json(const Report& report) {
+  if (!report.preview) return nullptr;
+  return {{"largest_error", report.preview->largest},
+          {"rms_error", report.preview->rms},
+          {"worst_frame", report.preview->worst_frame},
+          {"frames_measured", report.preview->frames}};
+}
+
 Json frame_json(const FrameRecord& frame) {
   Json milliseconds = Json::object();
   milliseconds["total"] = total(frame.report);
@@ -162,7 +170,7 @@ Json frame_json(const FrameRecord& frame) {
   return {{"frame", frame.frame},
           {"solves", frame.report.solves},
           {"cycles", frame.report.cycles},
-          {"error", frame.report.error},
+          {"error", frame.report.solves > 0 ? Json(frame.report.error) : Json(nullptr)},
           {"residual", frame.report.residual},
           {"converged", frame.report.converged},
           {"ms", milliseconds},
@@ -182,6 +190,14 @@ void print_milliseconds(std::ostream& out, const char* name, const Spread& sprea
   out << line("  %-18s %9.2f %9.2f %9.2f %9.2f\n", name, spread.median, spread.p95, spread.p99, spread.max);
 }
 
+void print_solver(std::ostream& out, const Report& report) {
+  const Spread cycles = cycle_spread(report);
+  out << line(
+      "solver   cycles median %.0f, max %.0f; largest error %.1e of the diagonal (estimate); %zu frames short of "
+      "the tolerance\n",
+      cycles.median, cycles.max, worst_error(report), unconverged_frames(report).size());
+}
+
 void print_frames(std::ostream& out, const Report& report) {
   out << line("frames   %zu in %.2f s, %.1f a second, %d threads\n", report.frames.size(),
               report.frames_milliseconds / 1000.0, frames_per_second(report), report.machine.threads);
@@ -189,12 +205,14 @@ void print_frames(std::ostream& out, const Report& report) {
   print_milliseconds(out, "total", total_spread(report));
   for (int stage = 0; stage < kFrameStageCount; ++stage)
     print_milliseconds(out, stage_name(static_cast<FrameStage>(stage)), stage_spread(report, stage));
-  const Spread cycles = cycle_spread(report);
-  out << line(
-      "solver   cycles median %.0f, max %.0f; largest error %.1e of the diagonal (estimate); %zu frames "
-      "short of the "
-      "tolerance\n",
-      cycles.median, cycles.max, worst_error(report), unconverged_frames(report).size());
+  if (report.preview) {
+    out << line(
+        "preview  unsolved; beside %zu solved frames: largest error %.1e of the diagonal (frame %d), rms %.1e\n",
+        report.preview->frames.size(), report.preview->largest, report.preview->worst_frame + 1,
+        report.preview->rms);
+  } else {
+    print_solver(out, report);
+  }
   const std::vector<double> volumes = volume_ratios(report);
   const Spread volume = spread_of(volumes);
   out << line("volume   %.1f %% to %.1f %% of rest, median %.1f %%\n", 100.0 * lowest(volumes),
@@ -251,6 +269,7 @@ std::string report_json(const Report& report) {
                      {"setup", setup_json(report.setup)},
                      {"sizes", sizes_json(report.sizes)},
                      {"summary", summary_json(report)},
+                     {"preview", preview_json(report)},
                      {"output", output_json(report)},
                      {"frames", frames}};
   // Paths and options may hold bytes that are not UTF-8; they become the replacement character.

@@ -3,12 +3,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <iosfwd>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "io/gltf_writer.h"
 #include "pipeline/frame_solver.h"
+#include "pipeline/preview.h"
 #include "pipeline/timing.h"
 
 namespace sinew {
@@ -59,6 +61,7 @@ struct Report {
   std::vector<std::string> warnings;
   TimingReport setup;  ///< stages before the first frame
   SizeRecord sizes;
+  std::optional<PreviewError> preview;  ///< measured, where the frames are previews
   std::vector<FrameRecord> frames;
   double frames_milliseconds = 0.0;  ///< wall time of all frames together
   std::string output;                ///< path written; empty: none

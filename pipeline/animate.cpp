@@ -1,13 +1,16 @@
 #include "pipeline/animate.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "pipeline/preview.h"
 #include "skeleton/unusable_input.h"
 
 namespace sinew {
@@ -41,6 +44,41 @@ void check_pose(const Rig& rig, const Motion& motion, int frame) {
                         rig.skeleton.joints[joint].name + "' has a value that is not a finite number");
   }
 }
+
+/// Frames in either mode.
+class FrameAnswers {
+ public:
+  FrameAnswers(const Rig& rig, const AnimateOptions& options, ThreadTeam& team) : chunk_(options.chunk) {
+    if (options.mode == FrameMode::preview) {
+      preview_.emplace(rig, team);
+    } else {
+      solver_.emplace(rig, options.frame, team);
+    }
+  }
+
+  /// The first frame that `frame` depends on.
+  int first_needed(int frame) const { return preview_ ? frame : frame / chunk_ * chunk_; }
+
+  FrameReport answer(int frame, const Pose& pose) {
+    if (preview_) return {.converged = true};
+    if (frame % chunk_ == 0) solver_->forget();
+    return solver_->solve(pose);
+  }
+
+  /// Of the frame answered last.
+  void read_positions(const Pose& pose, Field3& positions, FrameReport& report) {
+    if (!preview_) return solver_->read_positions(positions);
+    const auto begin = std::chrono::steady_clock::now();
+    preview_->answer(pose, positions);
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
+    report.milliseconds[static_cast<int>(FrameStage::start)] = took.count();
+  }
+
+ private:
+  int chunk_;
+  std::optional<FrameSolver> solver_;
+  std::optional<Preview> preview_;
+};
 
 /// Pieces of straight line between joints, and the rig's tips, wherever the pose takes them.
 class MovingSkeleton {
@@ -117,20 +155,18 @@ void animate(const Rig& rig, const Motion& motion, const AnimateOptions& options
              const std::function<bool(const FrameResult&)>& sink) {
   const int last_frame = options.last_frame < 0 ? motion.frame_count() - 1 : options.last_frame;
   check_options(motion, options, last_frame);
-  FrameSolver solver(rig, options.frame, team);
+  FrameAnswers answers(rig, options, team);
   MovingSkeleton skeleton(rig);
   Field3 positions(rig.mesh.vertex_count(), 3);
   const double rest_volume = enclosed_volume(rig.mesh, rig.mesh.positions);
   const double height = rest_height(rig);
-  const int chunk_start = options.first_frame / options.chunk * options.chunk;
-  for (int frame = chunk_start; frame <= last_frame; ++frame) {
+  for (int frame = answers.first_needed(options.first_frame); frame <= last_frame; ++frame) {
     check_pose(rig, motion, frame);
-    if (frame % options.chunk == 0) solver.forget();
     FrameResult result;
     result.frame = frame;
-    result.report = solver.solve(motion.poses[frame]);
+    result.report = answers.answer(frame, motion.poses[frame]);
     if (frame < options.first_frame) continue;
-    solver.read_positions(positions);
+    answers.read_positions(motion.poses[frame], positions, result.report);
     result.positions = &positions;
     if (rest_volume != 0.0) {
       result.volume_ratio = enclosed_volume(rig.mesh, positions) / rest_volume;

@@ -15,8 +15,15 @@
 /// Nothing in this folder opens a file or prints.
 namespace sinew {
 
+/// How frames are answered.
+enum class FrameMode {
+  full,    ///< solved, to the tolerance
+  preview  ///< from the rig's subspace of the surface alone (preview.h): nothing is solved
+};
+
 struct AnimateOptions {
-  FrameOptions frame = {};
+  FrameMode mode = FrameMode::full;
+  FrameOptions frame = {};  ///< of FrameMode::full
   int first_frame = 0;  ///< of the motion, 0-based
   int last_frame = -1;  ///< inclusive; -1: the last one
   /// Frames are solved in chunks whose starts are multiples of this many frames of the *motion*; a
@@ -29,7 +36,7 @@ struct AnimateOptions {
 struct FrameResult {
   int frame = 0;                       ///< of the motion
   const Field3* positions = nullptr;   ///< vertex_count x 3, in the order of Rig::mesh
-  FrameReport report;
+  FrameReport report;                  ///< of a preview: how long it took, and no solves
   double volume_ratio = 1.0;           ///< enclosed volume over the rest one
   double farthest_from_skeleton = 0.0; ///< of any vertex, as a share of the rest body's height
 };

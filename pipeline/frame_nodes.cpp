@@ -115,9 +115,8 @@ void FrameNodes::number_slots(const Rig& rig) {
 }
 
 void FrameNodes::place_at_rest(const Rig& rig) {
-  Eigen::AlignedBox3d box;
-  for (int node = 0; node < slot_count; ++node) box.extend(rig.volume.rest_positions.row(node).transpose());
-  if (slot_count > 0 && box.diagonal().norm() > 0.0) diagonal = box.diagonal().norm();
+  const Eigen::AlignedBox3d box = rest_box(rig.volume);
+  diagonal = rest_diagonal(rig.volume);
   records.resize(slot_count);
   places.resize(slot_count);
   for (int slot = 0; slot < slot_count; ++slot) {

@@ -21,7 +21,7 @@ namespace {
 
 /// Nodes per block of parallel work, a multiple of kFitLanes: some tens of microseconds each.
 constexpr int kBlock = 2048;
-static_assert(kBlock % kFitLanes == 0);
+static_assert(kBlock % kFitLanes == 0 && kBlock % Subspace::kBlock == 0);
 
 /// Below this, rounding of positions in single precision is what is left.
 constexpr double kLeastTolerance = 1e-6;
@@ -137,6 +137,7 @@ void FrameSolver::Members::blend(const Pose& pose) {
   starts.begin_frame(pose, pose_rotations);
   const HarmonicFields& fields = rig.harmonics;
   for_each_block(nodes.slot_count, [&](int first, int end) {
+    starts.begin_first(first, std::min(end, nodes.free_count));
     for (int slot = first; slot < end; ++slot) {
       rotations[slot] = pose_rotations.blend(terms.of(slot));
       float scale = 1.0f;
@@ -148,7 +149,7 @@ void FrameSolver::Members::blend(const Pose& pose) {
       pose_scales[slot] = scale;
       set_columns(scale * rotations[slot].toRotationMatrix(), nodes.records[slot]);
       if (slot >= nodes.free_count) continue;
-      nodes.set_position(slot, starts.begin(slot, nodes.places[slot].now));
+      nodes.set_position(slot, starts.first_start(slot));
       volume_scales[slot] = 1.0f;
     }
   });

@@ -9,14 +9,16 @@
 
 namespace sinew {
 
-/// Where the first solve of a frame begins.
+/// Where the first solve of a frame begins. A rig with a subspace of its free nodes uses that in place of
+/// skinning where the choice is automatic.
 enum class Start {
-  automatic,  ///< whichever of previous, linear, quadratic and skinning is foretold to need the least work
+  automatic,  ///< whichever of the others but fischer is foretold to need the least work
   zero,       ///< nothing of earlier frames: every frame is solved from its pose alone
   previous,   ///< the frame before
   linear,     ///< extrapolated from the last two frames
   quadratic,  ///< extrapolated from the last three
   skinning,   ///< linear blend skinning with the harmonic weights, what it leaves extrapolated
+  subspace,   ///< the rig's subspace of the free nodes, what it leaves extrapolated
   fischer     ///< the mixture of the last four frames that is nearest to the answer [Fischer 1998]
 };
 
@@ -66,6 +68,7 @@ struct FrameReport {
 /// goes to the solver, and what comes back is added, until the estimated error is below the tolerance.
 class FrameSolver {
  public:
+  /// Throws std::invalid_argument when Start::subspace is asked of a rig without one.
   FrameSolver(const Rig& rig, const FrameOptions& options, ThreadTeam& team);
   ~FrameSolver();
   FrameSolver(FrameSolver&&) noexcept;

@@ -32,6 +32,18 @@ FreeNodes find_free_nodes(const VolumeGraph& volume, const Binding& binding) {
   return order_free_nodes(volume.graph, constrained);
 }
 
+/// Vertices next to each other in the solver's order first, then those that are not solved for.
+std::vector<int> surface_in_order(const Rig& rig) {
+  std::vector<int> nodes;
+  for (const int node : rig.node_of_free) {
+    if (node < rig.volume.surface_count) nodes.push_back(node);
+  }
+  for (int node = 0; node < rig.volume.surface_count; ++node) {
+    if (rig.free_of_node[node] < 0) nodes.push_back(node);
+  }
+  return nodes;
+}
+
 void append(std::vector<std::string>& all, const std::vector<std::string>& some) {
   all.insert(all.end(), some.begin(), some.end());
 }
@@ -57,7 +69,7 @@ std::size_t Rig::bytes() const {
          bytes_of_matrix(volume.rest_positions) + bytes_of(binding.field_constraints) + bytes_of(binding.spheres) +
          bytes_of(binding.cores) + bytes_of(binding.glued) + harmonics.bytes() + bytes_of(node_of_free) +
          bytes_of(free_of_node) + bytes_of(system.graph) + bytes_of_matrix(system.anchor) +
-         bytes_of_matrix(system.rest_positions) + (solver ? solver->bytes() : 0);
+         bytes_of_matrix(system.rest_positions) + (solver ? solver->bytes() : 0) + (subspace ? subspace->bytes() : 0);
 }
 
 std::unique_ptr<const LinearSolver> make_solver(SolverKind kind, const LinearSystem& system,
@@ -101,6 +113,11 @@ Rig build_rig(const TriMesh& mesh, const RigSkeleton& skeleton, const RigOptions
   {
     const auto timer = rig.timing.time("solver");
     if (!rig.node_of_free.empty()) rig.solver = make_solver(options.solver, rig.system, options.multigrid, team);
+  }
+  if (options.subspace != SubspaceOf::nothing) {
+    const auto timer = rig.timing.time("subspace");
+    rig.subspace.emplace(skeleton, rig.volume, rig.binding, rig.harmonics, rig.free_of_node, rig.solver.get(),
+                         options.subspace == SubspaceOf::surface ? surface_in_order(rig) : rig.node_of_free, team);
   }
   append(rig.warnings, rig.volume.warnings);
   append(rig.warnings, rig.binding.warnings);

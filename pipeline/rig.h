@@ -2,12 +2,14 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "pipeline/binding.h"
 #include "pipeline/harmonic_fields.h"
 #include "pipeline/mesh.h"
+#include "pipeline/subspace.h"
 #include "pipeline/timing.h"
 #include "pipeline/volume_graph.h"
 #include "skeleton/rig_skeleton.h"
@@ -25,6 +27,7 @@ struct RigOptions {
   HarmonicFieldOptions fields;
   SolverKind solver = SolverKind::multigrid;
   MultigridOptions multigrid;
+  SubspaceOf subspace = SubspaceOf::nothing;
 };
 
 /// Everything computed once for a mesh and a skeleton. Immutable afterwards and shared by all
@@ -40,6 +43,7 @@ struct Rig {
   std::vector<int> free_of_node;
   LinearSystem system;      ///< over the free nodes
   std::unique_ptr<const LinearSolver> solver;
+  std::optional<Subspace> subspace;  ///< of what RigOptions::subspace names
   TimingReport timing;      ///< what each stage of building took
   std::vector<std::string> warnings;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace sinew {
 namespace {
@@ -24,6 +25,7 @@ constexpr double kSpare = 0.3;
 /// Costs, in cycles of full multigrid.
 constexpr double kNearCost = 0.9;
 constexpr double kSkinningCost = 0.25;
+constexpr double kSubspaceCost = 0.25;
 
 /// A polynomial of a degree that could not be tried yet is taken to be this much better than the next lower
 /// one, squared: motion is smooth more often than not.
@@ -36,6 +38,15 @@ double later_cycles(double error, double tolerance) {
   return std::max(0.0, std::log(error / tolerance) / -std::log(kLeftLater) + kSpare);
 }
 
+/// The subspace that a start of this kind uses, if any.
+const Subspace* foreseeing_subspace(const Rig& rig, Start start) {
+  const bool there = rig.subspace && rig.subspace->nodes() == rig.node_of_free;
+  if (start == Start::subspace && !there) {
+    throw std::invalid_argument("FrameSolver: the start is the subspace's; the rig has none of its free nodes");
+  }
+  return there && (start == Start::subspace || start == Start::automatic) ? &*rig.subspace : nullptr;
+}
+
 }  // namespace
 
 Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
@@ -45,6 +56,7 @@ Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, 
       start_(options.start),
       tolerance_(options.tolerance),
       skinning_(rig, nodes),
+      subspace_(foreseeing_subspace(rig, options.start)),
       sampled_slots_([&] {
         std::vector<int> slots;
         const int stride = std::max(kSampleStride, nodes.free_count / kMostSamples);
@@ -61,9 +73,11 @@ Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, 
     history.rows.fill(zero);
     history.sampled.fill(none);
   }
-  unforeseen_ = Eigen::VectorXf::Zero(skinning_.coordinate_count());
+  if (subspace_ != nullptr) sampled_subspace_.emplace(*subspace_, sampled_slots_);
+  unforeseen_ =
+      Eigen::VectorXf::Zero(subspace_ != nullptr ? subspace_->coordinate_count() : skinning_.coordinate_count());
   coordinates_.fill(unforeseen_);
-  skinned_.fill(none);
+  foreseen_.fill(none);
   rest_errors_.fill(std::vector<float>(sampled_slots_.size(), 0.0f));
 }
 
@@ -86,7 +100,7 @@ Starts::Mixture Starts::fitted_mixture() const {
   Eigen::Vector2d along = Eigen::Vector2d::Zero();
   for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
     const auto at = [&](int age) -> Eigen::Vector4d {
-      return skinned_[ring_place(age)][sample].cast<double>();
+      return foreseen_[ring_place(age)][sample].cast<double>();
     };
     Eigen::Matrix<double, 4, 2> steps;
     steps << at(0) - at(1), at(1) - at(2);
@@ -100,18 +114,18 @@ Starts::Mixture Starts::fitted_mixture() const {
 }
 
 /// The start that needs the least work; among equals the one with the smallest error.
-Starts::Choice Starts::cheapest(bool only_skinned) const {
+Starts::Choice Starts::cheapest(bool only_foreseeing) const {
   Choice best;
   double least = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kMixtures; ++k) {
     const Mixture& mixture = mixtures_[k];
     if (mixture.count == 0) continue;
     float plain = 0.0f;
-    float skinned = 0.0f;
+    float foreseeing = 0.0f;
     for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
       const float rest = rest_errors_[k][sample];
-      skinned = std::max(skinned, rest);
-      plain = std::max(plain, rest + left_by(mixture, skinned_, sample).squaredNorm());
+      foreseeing = std::max(foreseeing, rest);
+      plain = std::max(plain, rest + left_by(mixture, foreseen_, sample).squaredNorm());
     }
     const auto offer = [&](Choice choice, double error, double cost) {
       cost += later_cycles(error, tolerance_) * kNearCost + 1e-3 * error / tolerance_;
@@ -119,9 +133,9 @@ Starts::Choice Starts::cheapest(bool only_skinned) const {
       best = choice;
       least = cost;
     };
-    offer({mixture, true, Reach::near}, kLeftByNear * std::sqrt(static_cast<double>(skinned)),
-          kNearCost + kSkinningCost);
-    if (!only_skinned)
+    offer({mixture, true, Reach::near}, kLeftByNear * std::sqrt(static_cast<double>(foreseeing)),
+          kNearCost + (subspace_ != nullptr ? kSubspaceCost : kSkinningCost));
+    if (!only_foreseeing)
       offer({mixture, false, Reach::far}, kLeftByFar * std::sqrt(static_cast<double>(plain)), 1.0);
   }
   return best;
@@ -140,6 +154,7 @@ Starts::Choice Starts::choose_first() const {
     case Start::quadratic:
       return polynomial(2);
     case Start::skinning:
+    case Start::subspace:
       return known_ > 0 ? cheapest(true) : Choice{{}, true, Reach::far};
     case Start::automatic:
       break;
@@ -147,25 +162,54 @@ Starts::Choice Starts::choose_first() const {
   return known_ > 0 ? cheapest(false) : Choice{{}, true, Reach::far};
 }
 
+/// The coordinates of this pose, and what they foresee of the sampled nodes.
+void Starts::foresee_samples(const Pose& pose, const PoseRotations& rotations) {
+  Eigen::VectorXf& coordinates = coordinates_[frame_ % (kFrames + 1)];
+  SlotRows& foreseen = foreseen_[frame_ % (kFrames + 1)];
+  if (subspace_ != nullptr) {
+    subspace_->read(pose, rotations, coordinates);
+    for (int block = 0; block < sampled_subspace_->block_count(); ++block) {
+      sampled_subspace_->evaluate(block, coordinates, &foreseen[static_cast<std::size_t>(block) * Subspace::kBlock]);
+    }
+    return;
+  }
+  skinning_.read(pose, rotations, coordinates);
+  for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
+    foreseen[sample] =
+        SkinningBase::at(sampled_terms_.of(static_cast<int>(sample)), sampled_rest_[sample], coordinates);
+  }
+}
+
 void Starts::begin_frame(const Pose& pose, const PoseRotations& rotations) {
   solve_ = 0;
   if (projection_ && known_ > 1) projection_->add(recent(0), recent(1));
-  Eigen::VectorXf& coordinates = coordinates_[frame_ % (kFrames + 1)];
-  skinning_.read(pose, rotations, coordinates);
-  SlotRows& skinned = skinned_[frame_ % (kFrames + 1)];
-  for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
-    skinned[sample] =
-        SkinningBase::at(sampled_terms_.of(static_cast<int>(sample)), sampled_rest_[sample], coordinates);
-  }
+  foresee_samples(pose, rotations);
   for (int degree = 0; degree < kFrames; ++degree) {
     mixtures_[degree] = degree < known_ ? Mixture{degree + 1, kPolynomials[degree]} : Mixture{};
   }
   mixtures_[kFitted] = fitted_mixture();
   choice_ = choose_first();
-  if (!choice_.skinned) return;
-  unforeseen_ = coordinates;
+  if (!choice_.foreseeing) return;
+  unforeseen_ = coordinates_[frame_ % (kFrames + 1)];
   for (int age = 0; age < choice_.mixture.count; ++age) {
     unforeseen_ -= choice_.mixture.weights[age] * coordinates_[ring_place(age)];
+  }
+}
+
+void Starts::begin_first(int first, int end) {
+  std::array<Eigen::Vector4f, Subspace::kBlock> steps;
+  steps.fill(Eigen::Vector4f::Zero());
+  for (int begin = first; begin < end; begin += Subspace::kBlock) {
+    const int count = std::min(Subspace::kBlock, end - begin);
+    if (choice_.foreseeing && subspace_ != nullptr) {
+      subspace_->evaluate(begin / Subspace::kBlock, unforeseen_, steps.data());
+    } else if (choice_.foreseeing) {
+      for (int row = 0; row < count; ++row) {
+        const int slot = begin + row;
+        steps[row] = SkinningBase::at(terms_.of(slot), nodes_.records[slot].rest, unforeseen_);
+      }
+    }
+    for (int row = 0; row < count; ++row) now()[begin + row] = mixed(begin + row, steps[row]);
   }
 }
 
@@ -198,7 +242,7 @@ void Starts::judge() {
       worst[k] = std::max(worst[k], wrong.squaredNorm());
       if (solve_ > 0) continue;
       if (mixture.count > 0) {
-        wrong -= left_by(mixture, skinned_, sample);
+        wrong -= left_by(mixture, foreseen_, sample);
         squared = wrong.squaredNorm();
       } else if (k < kFitted) {
         squared *= kNextDegreeLeaves;

@@ -16,12 +16,13 @@ namespace sinew {
 /// The starts of a frame's solves, foretold in time.
 ///
 /// The first solve starts from a mixture of the last three answers: extrapolated by a polynomial of degree 0
-/// to 2, or with the weights that mix this pose's skinned positions from those of the last poses best. A
-/// skinned start adds, at every node, what the mixture leaves of the skinned positions; it is as good far
-/// away, so that a V-cycle is enough where the others want one of full multigrid. Start::automatic tries all
-/// of them on some hundred nodes in every frame and takes the one that is foretold to need the least work: an
-/// error is what the mixture left of the answer less the skinned positions one frame ago and, without
-/// skinning, what it leaves of the skinned positions now, which is known. Each later solve of a frame starts
+/// to 2, or with the weights that mix this pose's foreseen positions from those of the last poses best. Foreseen
+/// are positions by linear blend skinning or, better and dearer, by the rig's subspace. A foreseeing start adds,
+/// at every node, what the mixture leaves of the foreseen positions; it is as good far away, so that a V-cycle
+/// is enough where the others want one of full multigrid. Start::automatic tries all of them on some hundred
+/// nodes in every frame and takes the one that is foretold to need the least work: an error is what the
+/// mixture left of the answer less the foreseen positions one frame ago and, without foreseeing, what it
+/// leaves of the foreseen positions now, which is known. Each later solve of a frame starts
 /// from the answer of the one before plus the step between these two solves, mixed with the weights that
 /// would have done best one frame ago.
 class Starts {
@@ -36,16 +37,16 @@ class Starts {
   /// Before each later solve, numbered from 1.
   void choose(int solve);
 
-  /// Start of a slot in the chosen solve; `before` is its answer of the solve before. Calls for different
-  /// slots may run side by side.
+  /// Finds the starts of slots [first, end) in a frame's first solve; `first` is a multiple of
+  /// Subspace::kBlock. Calls for different slots may run side by side.
+  void begin_first(int first, int end);
+  /// The start so found.
+  const Eigen::Vector4f& first_start(int slot) const { return now()[slot]; }
+
+  /// Start of a slot in a later solve, `before` its answer of the solve before. Calls for different slots may run
+  /// side by side.
   Eigen::Vector4f begin(int slot, const Eigen::Vector4f& before) {
-    Eigen::Vector4f start = base(before);
-    for (int age = 0; age < choice_.mixture.count; ++age) {
-      start += choice_.mixture.weights[age] * recent(age)[slot];
-    }
-    if (choice_.skinned) start += SkinningBase::at(terms_.of(slot), nodes_.records[slot].rest, unforeseen_);
-    now()[slot] = start;
-    return start;
+    return now()[slot] = mixed(slot, before);
   }
 
   /// Once the residual of the start is known: a better start, and its residual.
@@ -86,7 +87,7 @@ class Starts {
   };
   struct Choice {
     Mixture mixture;
-    bool skinned = false;
+    bool foreseeing = false;
     Reach reach = Reach::far;
   };
   using SampleRing = std::array<SlotRows, kFrames + 1>;  ///< by sampled node, this frame's at frame_ % 4
@@ -104,29 +105,38 @@ class Starts {
   /// other slot's start needs.
   const SlotRows& recent(int age) const { return histories_[solve_].rows[(frame_ + 2 - age) % kFrames]; }
   SlotRows& now() { return histories_[solve_].rows[frame_ % kFrames]; }
+  const SlotRows& now() const { return histories_[solve_].rows[frame_ % kFrames]; }
+  /// The chosen mixture of a slot's earlier answers, on top of `sum`.
+  Eigen::Vector4f mixed(int slot, Eigen::Vector4f sum) const {
+    for (int age = 0; age < choice_.mixture.count; ++age) sum += choice_.mixture.weights[age] * recent(age)[slot];
+    return sum;
+  }
   /// The place in a ring of four of the frame `age` frames before the last.
   int ring_place(int age) const { return (frame_ + kFrames - age) % (kFrames + 1); }
 
   Eigen::Vector4f left_by(const Mixture& mixture, const SampleRing& ring, std::size_t sample) const;
   Mixture fitted_mixture() const;
   Choice choose_first() const;
-  Choice cheapest(bool only_skinned) const;
+  Choice cheapest(bool only_foreseeing) const;
+  void foresee_samples(const Pose& pose, const PoseRotations& rotations);
 
   const FrameNodes& nodes_;
   const SlotTerms& terms_;
   Start start_;
   double tolerance_;
   SkinningBase skinning_;
+  const Subspace* subspace_;  // null: skinning foresees
   std::optional<Projection> projection_;
   std::vector<int> sampled_slots_;
   SlotTerms sampled_terms_;
   SlotRows sampled_rest_;
+  std::optional<Subspace> sampled_subspace_;
   std::vector<History> histories_;                        // per solve of a frame
   std::array<Eigen::VectorXf, kFrames + 1> coordinates_;  // of the poses, this frame's at frame_ % 4
   Eigen::VectorXf unforeseen_;                            // what the chosen mixture leaves of them
-  SampleRing skinned_;
+  SampleRing foreseen_;
   std::array<Mixture, kMixtures> mixtures_;  // those of too many frames are empty
-  /// Per mixture and sampled node: what it left of the answer less the skinned position, squared, one frame
+  /// Per mixture and sampled node: what it left of the answer less the foreseen position, squared, one frame
   /// ago.
   std::array<std::vector<float>, kMixtures> rest_errors_;
   int known_ = 0;  // frames in the histories

@@ -170,6 +170,18 @@ void fill_by_lattice(const TriMesh& mesh, const Solid& solid, double spacing, Th
 
 }  // namespace
 
+Eigen::AlignedBox3d rest_box(const VolumeGraph& volume) {
+  Eigen::AlignedBox3d box;
+  for (int node = 0; node < volume.node_count(); ++node) box.extend(volume.rest_positions.row(node).transpose());
+  return box;
+}
+
+double rest_diagonal(const VolumeGraph& volume) {
+  if (volume.node_count() == 0) return 1.0;
+  const double length = rest_box(volume).diagonal().norm();
+  return length > 0.0 ? length : 1.0;
+}
+
 VolumeGraph build_volume_graph(const TriMesh& mesh, const Solid& solid, const VolumeGraphOptions& options,
                                ThreadTeam& team) {
   check_mesh(mesh);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,11 @@ struct VolumeGraph {
 
   int node_count() const { return graph.node_count(); }
 };
+
+/// Box of all nodes at rest.
+Eigen::AlignedBox3d rest_box(const VolumeGraph& volume);
+/// Length of its diagonal; 1 where it has none.
+double rest_diagonal(const VolumeGraph& volume);
 
 /// Fills `mesh`, of which `solid` was made, with interior nodes. Weights are uniform.
 ///

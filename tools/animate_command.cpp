@@ -28,6 +28,9 @@ namespace {
 /// glTF keys lie at any time: sampled at this rate unless --fps says otherwise.
 constexpr double kGltfFramesPerSecond = 30.0;
 
+/// Frames of a clip that are solved to say how far previews are off.
+constexpr int kMeasuredPreviews = 9;
+
 bool is_gltf(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
@@ -88,6 +91,10 @@ Inputs read_inputs(const AnimateCommandOptions& options) {
   return inputs;
 }
 
+bool is_preview(const AnimateCommandOptions& options) {
+  return options.mode == "preview";
+}
+
 RigOptions rig_options(const AnimateCommandOptions& options) {
   RigOptions rig;
   rig.binding = binding_options(options.deform == "paper" ? Deform::paper : Deform::refined);
@@ -101,6 +108,11 @@ RigOptions rig_options(const AnimateCommandOptions& options) {
                                             : SolverKind::multigrid;
   rig.multigrid.hierarchy.coarsening =
       options.hierarchy == "shi2006" ? Coarsening::shi2006 : Coarsening::lattice;
+  if (is_preview(options)) {
+    rig.subspace = SubspaceOf::surface;
+  } else if (start_named(options.start) == Start::subspace) {
+    rig.subspace = SubspaceOf::free_nodes;
+  }
   return rig;
 }
 
@@ -166,6 +178,7 @@ std::vector<std::pair<std::string, std::string>> option_records(const AnimateCom
           {"density", as_text(options.density)},
           {"spacing", as_text(options.spacing)},
           {"deform", options.deform},
+          {"mode", options.mode},
           {"solver", options.solver},
           {"hierarchy", options.hierarchy},
           {"tolerance", as_text(options.tolerance)},
@@ -233,6 +246,7 @@ class FrameSink {
 
 AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRange& frames) {
   AnimateOptions result;
+  result.mode = is_preview(options) ? FrameMode::preview : FrameMode::full;
   result.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
   result.frame.tolerance = options.tolerance;
   result.frame.start = start_named(options.start);
@@ -301,6 +315,13 @@ ExitCode run_animate(const AnimateCommandOptions& options) {
   report.sizes = sizes_of(rig);
   report.machine = describe_machine(team.thread_count());
   if (options.common.verbose) print_rig(rig);
+
+  if (is_preview(options)) {
+    progress.stage("measuring");
+    const auto timer = report.setup.time("preview error");
+    report.preview = measure_preview(rig, inputs.motion, frames.first, frames.last, kMeasuredPreviews,
+                                     solve_options(options, frames).frame, team);
+  }
 
   progress.stage("solving");
   FrameSink sink(options, inputs.asset, fps);

@@ -39,6 +39,7 @@ struct AnimateCommandOptions {
   double spacing = 0.0;
   std::string solver = "multigrid";
   std::string hierarchy = "lattice";
+  std::string mode = "full";
   std::string deform = "refined";
   std::string format = "pca";
   double tolerance = 1e-4;

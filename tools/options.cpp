@@ -61,6 +61,8 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
   verb->add_option("--spacing", options.spacing,
                    "Spacing of the interior lattice in mesh units, instead of --density")
       ->check(CLI::PositiveNumber.description(""));
+  verb->add_option("--mode", options.mode, "full, or preview: from a linear subspace, unsolved, error measured")
+      ->check(one_of({"full", "preview"}));
   verb->add_option("--deform", options.deform, "refined, or paper for Shi 2006 as published")
       ->check(one_of({"refined", "paper"}));
   verb->add_option("--solver", options.solver, "multigrid, cholesky or pcg")
@@ -72,7 +74,8 @@ void add_animate(CLI::App& app, AnimateCommandOptions& options, bool& yes, bool&
       ->check(CLI::Range(1e-14, 1.0).description(""))
       ->capture_default_str();
   verb->add_option("--start", options.start,
-                   "Where a frame's solve begins: auto, zero, previous, linear, quadratic, skinning or fischer")
+                   "Where a frame's solve begins: auto, zero, previous, linear, quadratic, skinning,\n"
+                   "subspace or fischer")
       ->check(one_of(start_names()));
   verb->add_option("--format", options.format,
                    "pca (few morph targets), exact (one per frame) or obj (a file per frame)")

@@ -8,7 +8,7 @@ namespace {
 const std::map<std::string, Start> kStarts = {{"auto", Start::automatic},      {"zero", Start::zero},
                                               {"previous", Start::previous},   {"linear", Start::linear},
                                               {"quadratic", Start::quadratic}, {"skinning", Start::skinning},
-                                              {"fischer", Start::fischer}};
+                                              {"subspace", Start::subspace},   {"fischer", Start::fischer}};
 
 }  // namespace
 

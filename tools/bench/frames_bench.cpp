@@ -169,7 +169,8 @@ FramesBenchResult run_frames_bench(const Scene& scene, const Motion& motion, con
   result.first_frame = options.first_frame;
   result.frame_count = options.last_frame - options.first_frame + 1;
   if (!tell("building")) return result;
-  const Rig rig = build_rig_of_size(scene, options.size, options.frame.deform, team);
+  const Rig rig = build_rig_of_size(scene, options.size, options.frame.deform, team,
+                                    options.frame.start == Start::subspace ? SubspaceOf::free_nodes : SubspaceOf::nothing);
   result.free_vertices = static_cast<int>(rig.node_of_free.size());
   result.surface_vertices = rig.volume.surface_count;
   result.rig_bytes = static_cast<std::int64_t>(rig.bytes());

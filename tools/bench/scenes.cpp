@@ -107,7 +107,8 @@ Scene load_scene(const std::string& name, const SceneFolders& folders) {
   return {name, read_mesh(mesh).mesh, read_rig(folders.samples / file->rig)};
 }
 
-Rig build_rig_of_size(const Scene& scene, int free_nodes, Deform deform, ThreadTeam& team) {
+Rig build_rig_of_size(const Scene& scene, int free_nodes, Deform deform, ThreadTeam& team,
+                      SubspaceOf subspace) {
   const auto refuse = [&](const std::string& why) {
     return UnusableInput(scene.name + " with " + std::to_string(free_nodes) + " free nodes: " + why);
   };
@@ -117,6 +118,7 @@ Rig build_rig_of_size(const Scene& scene, int free_nodes, Deform deform, ThreadT
   RigOptions options;
   options.binding = binding_options(deform);
   if (!SpacingSearch(scene, free_nodes, options, team).run()) throw refuse("no lattice gives that many");
+  options.subspace = subspace;
   return build_rig(scene.mesh, scene.skeleton, options, team);
 }
 

@@ -36,6 +36,7 @@ Scene load_scene(const std::string& name, const SceneFolders& folders);
 /// A rig of `scene` with about `free_nodes` free nodes, within 10 %, by choosing the
 /// spacing of the lattice. Throws UnusableInput when the surface alone has more, or no spacing gives that
 /// many.
-Rig build_rig_of_size(const Scene& scene, int free_nodes, Deform deform, ThreadTeam& team);
+Rig build_rig_of_size(const Scene& scene, int free_nodes, Deform deform, ThreadTeam& team,
+                      SubspaceOf subspace = SubspaceOf::nothing);
 
 }  // namespace sinew

@@ -1,0 +1,397 @@
+// After [Shi et al. 2006, eq. 11], whose right-hand side is linear in the rotations; the modes are an addition.
+#include "pipeline/subspace.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <numeric>
+#include <utility>
+
+#include "pipeline/rotation_field.h"
+
+namespace sinew {
+namespace {
+
+/// Modes solved side by side, as many as the passes over the matrix can share without spilling.
+constexpr int kModesAtOnce = 8;
+
+/// Relative residual of the modes: they are summed with weights near one.
+constexpr double kModeTolerance = 1e-5;
+
+/// Smaller numbers, shares of the diagonal, are not kept.
+constexpr float kDropBelow = 2e-5f;
+
+/// An arm that leaves its bone's axis by less than this share of the diagonal turns the same with and
+/// without the bone's own twist.
+constexpr double kOnAxis = 1e-7;
+
+/// Nodes per block of parallel work.
+constexpr int kNodesAtOnce = 2048;
+
+/// Places of a twisting bone's matrices, as shares of its twist.
+constexpr std::array<double, 3> kKnots = {0.0, 0.5, 1.0};
+
+/// The parabolas that are one at their knot and zero at the others.
+std::array<double, 3> parabolas(double t) {
+  return {2.0 * (t - 0.5) * (t - 1.0), 4.0 * t * (1.0 - t), 2.0 * t * (t - 0.5)};
+}
+
+typedef float Wide __attribute__((vector_size(64), may_alias));
+constexpr int kLanes = 16;
+
+}  // namespace
+
+/// Works the modes out, and forgets what only that needs.
+class Subspace::Builder {
+ public:
+  Builder(Subspace& subspace, const RigSkeleton& skeleton, const VolumeGraph& volume, const Binding& binding,
+          const HarmonicFields& fields, std::span<const int> free_of_node, ThreadTeam& team)
+      : subspace_(subspace),
+        skeleton_(skeleton),
+        volume_(volume),
+        binding_(binding),
+        free_of_node_(free_of_node),
+        team_(team),
+        rotations_(skeleton, binding) {
+    number_free_nodes();
+    choose_matrices();
+    share_matrices(fields);
+    hold_nodes();
+  }
+
+  std::vector<Entry> solve(const LinearSolver* solver) {
+    std::vector<Entry> entries;
+    const int modes = subspace_.mode_count();
+    std::unique_ptr<SolverWorkspace> workspace;
+    if (solver != nullptr) workspace = solver->make_workspace(std::min(modes, kModesAtOnce));
+    for (int first = 0; first < modes; first += kModesAtOnce) {
+      const int count = std::min(kModesAtOnce, modes - first);
+      const Columns held = held_values(first, count);
+      Columns x = Columns::Zero(static_cast<Eigen::Index>(node_of_free_.size()), count);
+      if (solver != nullptr) {
+        const Columns b = right_hand_sides(first, count, held);
+        solver->solve(b, x, {.tolerance = kModeTolerance, .from_zero = true}, *workspace);
+      }
+      append(first, held, x, entries);
+    }
+    return entries;
+  }
+
+ private:
+  struct Share {
+    int column = 0;  ///< a matrix, or a mode
+    double value = 0.0;
+  };
+
+  void number_free_nodes() {
+    held_of_node_.assign(free_of_node_.size(), -1);
+    for (int node = 0; node < volume_.node_count(); ++node) {
+      const int free = free_of_node_[node];
+      if (free < 0) {
+        held_of_node_[node] = static_cast<int>(held_.size());
+        held_.emplace_back();
+        continue;
+      }
+      node_of_free_.resize(std::max(node_of_free_.size(), static_cast<std::size_t>(free) + 1));
+      node_of_free_[free] = node;
+    }
+  }
+
+  Eigen::Vector3d rest(int node) const { return volume_.rest_positions.row(node).transpose(); }
+
+  void choose_matrices() {
+    for (const PlaceRange& range : rotations_.ranges()) {
+      const int first = static_cast<int>(subspace_.matrices_.size());
+      matrix_of_place_.resize(range.first + range.count, first);
+      last_place_.resize(range.first + range.count, range.first + range.count - 1);
+      first_place_.resize(range.first + range.count, range.first);
+      const bool twists = range.count > 2;
+      for (std::size_t knot = 0; knot < (twists ? kKnots.size() : 1); ++knot) {
+        const int step = static_cast<int>(std::lround(kKnots[knot] * (range.count - 1)));
+        subspace_.matrices_.push_back({range.joint, range.first + step});
+      }
+      matrix_of_joint_.resize(std::max(matrix_of_joint_.size(), static_cast<std::size_t>(range.joint) + 1), -1);
+      matrix_of_joint_[range.joint] = first;
+    }
+    axis_of_joint_.assign(skeleton_.joint_count(), Eigen::Vector3d::Zero());
+    for (const Bone& bone : binding_.bones) {
+      if (bone.twists) axis_of_joint_[bone.joint] = bone.axis;
+    }
+    own_matrix_.assign(skeleton_.joint_count(), -1);
+  }
+
+  /// The matrix that turns `arm` as the joint turns it. A twisting bone's near end lacks the bone's own
+  /// twist, which matters only away from its axis: then the joint's own rotation becomes a matrix.
+  int matrix_turning(int joint, const Eigen::Vector3d& arm) {
+    const Eigen::Vector3d& axis = axis_of_joint_[joint];
+    const bool twists = axis.squaredNorm() > 0.0;
+    const bool off_axis = (arm - axis.dot(arm) * axis).norm() > kOnAxis * subspace_.diagonal_;
+    if (!twists || !off_axis) return matrix_of_joint_[joint];
+    if (own_matrix_[joint] < 0) {
+      own_matrix_[joint] = static_cast<int>(subspace_.matrices_.size());
+      subspace_.matrices_.push_back({joint, -1});
+    }
+    return own_matrix_[joint];
+  }
+
+  /// How much every node listens to every matrix.
+  void share_matrices(const HarmonicFields& fields) {
+    std::vector<BlendTerm> terms;
+    share_offsets_.push_back(0);
+    for (int node = 0; node < volume_.node_count(); ++node) {
+      const int begin = fields.offsets[node];
+      terms.clear();
+      rotations_.append_terms(&fields.fields[begin], &fields.weights[begin], fields.offsets[node + 1] - begin,
+                              terms);
+      for (const BlendTerm& term : terms) {
+        const int matrix = matrix_of_place_[term.place];
+        const int first = first_place_[term.place];
+        const int last = last_place_[term.place];
+        const double share = static_cast<double>(term.below) + static_cast<double>(term.above);
+        if (last == first + 1) {
+          shares_.push_back({matrix, share});
+          continue;
+        }
+        const double t = (term.place - first + term.above / share) / (last - first);
+        const std::array<double, 3> at_knots = parabolas(t);
+        for (std::size_t knot = 0; knot < kKnots.size(); ++knot) {
+          shares_.push_back({matrix + static_cast<int>(knot), share * at_knots[knot]});
+        }
+      }
+      share_offsets_.push_back(static_cast<int>(shares_.size()));
+    }
+  }
+
+  std::span<const Share> shares(int node) const {
+    return {shares_.data() + share_offsets_[node], shares_.data() + share_offsets_[node + 1]};
+  }
+
+  /// A held position as it depends on the modes, whose numbers are not settled before all matrices are
+  /// known: joints count from -1 downwards.
+  std::vector<Share>& held(int node) { return held_[held_of_node_[node]]; }
+  static int column_of_joint(int joint) { return -1 - joint; }
+
+  static void add_arm(int matrix, const Eigen::Vector3d& arm, double share, std::vector<Share>& to) {
+    for (int axis = 0; axis < kPerMatrix; ++axis) to.push_back({kPerMatrix * matrix + axis, share * arm[axis]});
+  }
+
+  /// As FrameSolver pins them, with linear blends for rotations.
+  void hold_nodes() {
+    const double unit = 1.0 / subspace_.diagonal_;
+    const auto joint_rest = [&](int joint) -> const Eigen::Vector3d& {
+      return skeleton_.joints[joint].position;
+    };
+    for (const SphereConstraint& sphere : binding_.spheres) {
+      std::vector<Share>& to = held(sphere.node);
+      to.push_back({column_of_joint(sphere.joint), 1.0});
+      const Eigen::Vector3d arm = unit * (rest(sphere.node) - joint_rest(sphere.joint));
+      for (const Share& share : shares(sphere.node)) add_arm(share.column, arm, share.value, to);
+    }
+    for (const CoreConstraint& core : binding_.cores) {
+      std::vector<Share>& to = held(core.node);
+      const int joint = binding_.bones[core.bone].joint;
+      Eigen::Vector3d arm = core.foot - joint_rest(joint);
+      to.push_back({column_of_joint(joint), 1.0});
+      if (core.end_joint >= 0) {
+        arm -= core.along * (joint_rest(core.end_joint) - joint_rest(joint));
+        to.back().value = 1.0 - core.along;
+        to.push_back({column_of_joint(core.end_joint), core.along});
+      }
+      add_arm(matrix_turning(joint, arm), unit * arm, 1.0, to);
+      const Eigen::Vector3d from_foot = unit * (rest(core.node) - core.foot);
+      for (const Share& share : shares(core.node)) add_arm(share.column, from_foot, share.value, to);
+    }
+    for (const auto& [node, bone] : binding_.glued) {
+      std::vector<Share>& to = held(node);
+      const int joint = binding_.bones[bone].joint;
+      const Eigen::Vector3d arm = rest(node) - joint_rest(joint);
+      to.push_back({column_of_joint(joint), 1.0});
+      add_arm(matrix_turning(joint, arm), unit * arm, 1.0, to);
+    }
+  }
+
+  /// Modes [first, first + count) at the held nodes.
+  Columns held_values(int first, int count) const {
+    Columns values = Columns::Zero(static_cast<Eigen::Index>(held_.size()), count);
+    const int joints_begin = kPerMatrix * static_cast<int>(subspace_.matrices_.size());
+    for (std::size_t row = 0; row < held_.size(); ++row) {
+      for (const Share& share : held_[row]) {
+        const int mode = share.column < 0 ? joints_begin - 1 - share.column : share.column;
+        if (mode >= first && mode < first + count) {
+          values(static_cast<Eigen::Index>(row), mode - first) += share.value;
+        }
+      }
+    }
+    return values;
+  }
+
+  /// sum_j w 1/2 (h_i + h_j) (x0_i - x0_j) for the modes of matrices, and the held neighbors' values.
+  Columns right_hand_sides(int first, int count, const Columns& held) const {
+    const int first_matrix = first / kPerMatrix;
+    const int matrix_count = std::min((first + count - 1) / kPerMatrix + 1,
+                                      static_cast<int>(subspace_.matrices_.size())) - first_matrix;
+    Columns listening = Columns::Zero(volume_.node_count(), std::max(matrix_count, 0));
+    for (int node = 0; node < volume_.node_count(); ++node) {
+      for (const Share& share : shares(node)) {
+        const int column = share.column - first_matrix;
+        if (column >= 0 && column < matrix_count) listening(node, column) += share.value;
+      }
+    }
+    const int free_count = static_cast<int>(node_of_free_.size());
+    Columns b = Columns::Zero(free_count, count);
+    team_.for_each_block((free_count + kNodesAtOnce - 1) / kNodesAtOnce, [&](int block) {
+      const int end = std::min(free_count, (block + 1) * kNodesAtOnce);
+      for (int free = block * kNodesAtOnce; free < end; ++free) add_row(free, first, held, listening, b);
+    });
+    return b;
+  }
+
+  void add_row(int free, int first, const Columns& held, const Columns& listening, Columns& b) const {
+    const Graph& graph = volume_.graph;
+    const int node = node_of_free_[free];
+    const int first_matrix = first / kPerMatrix;
+    const int joints_begin = kPerMatrix * static_cast<int>(subspace_.matrices_.size());
+    const int columns = static_cast<int>(b.cols());
+    for (int k = graph.offsets[node]; k < graph.offsets[node + 1]; ++k) {
+      const int neighbor = graph.neighbors[k];
+      const Eigen::Vector3d edge =
+          graph.weights[k] / (2.0 * subspace_.diagonal_) * (rest(node) - rest(neighbor));
+      for (int column = 0; column < columns && first + column < joints_begin; ++column) {
+        const int matrix = (first + column) / kPerMatrix - first_matrix;
+        b(free, column) += (listening(node, matrix) + listening(neighbor, matrix)) * edge[(first + column) % kPerMatrix];
+      }
+      const int row = held_of_node_[neighbor];
+      if (row < 0) continue;
+      for (int column = 0; column < columns; ++column) b(free, column) += graph.weights[k] * held(row, column);
+    }
+  }
+
+  /// Keeps what counts of solved modes.
+  void append(int first, const Columns& held, const Columns& x, std::vector<Entry>& entries) const {
+    for (int block = 0; block < subspace_.block_count(); ++block) {
+      const int begin = block * kBlock;
+      const int rows = std::min(kBlock, subspace_.row_count_ - begin);
+      for (int column = 0; column < x.cols(); ++column) {
+        Entry entry{block, first + column, {}};
+        float largest = 0.0f;
+        for (int row = 0; row < rows; ++row) {
+          const int node = subspace_.nodes_[begin + row];
+          const int free = free_of_node_[node];
+          const double value = free >= 0 ? x(free, column) : held(held_of_node_[node], column);
+          entry.values.of_row[row] = static_cast<float>(value);
+          largest = std::max(largest, std::abs(entry.values.of_row[row]));
+        }
+        if (largest > kDropBelow) entries.push_back(entry);
+      }
+    }
+  }
+
+  Subspace& subspace_;
+  const RigSkeleton& skeleton_;
+  const VolumeGraph& volume_;
+  const Binding& binding_;
+  std::span<const int> free_of_node_;
+  ThreadTeam& team_;
+  PoseRotations rotations_;
+
+  std::vector<int> node_of_free_;
+  std::vector<int> held_of_node_;       // -1 where free
+  std::vector<int> matrix_of_place_;    // the first of its bone
+  std::vector<int> first_place_;        // of its bone
+  std::vector<int> last_place_;
+  std::vector<int> matrix_of_joint_;    // the first of its bone, -1: none
+  std::vector<int> own_matrix_;         // per joint; -1: none
+  std::vector<Eigen::Vector3d> axis_of_joint_;  // zero: does not twist
+  std::vector<int> share_offsets_;      // per node
+  std::vector<Share> shares_;
+  std::vector<std::vector<Share>> held_;  // per held node
+};
+
+Subspace::Subspace(const RigSkeleton& skeleton, const VolumeGraph& volume, const Binding& binding,
+                   const HarmonicFields& fields, std::span<const int> free_of_node, const LinearSolver* solver,
+                   std::vector<int> nodes, ThreadTeam& team)
+    : diagonal_(rest_diagonal(volume)),
+      row_count_(static_cast<int>(nodes.size())),
+      joint_count_(skeleton.joint_count()),
+      nodes_(std::move(nodes)) {
+  Builder builder(*this, skeleton, volume, binding, fields, free_of_node, team);
+  keep(builder.solve(solver));
+}
+
+Subspace::Subspace(const Subspace& all, std::span<const int> rows)
+    : diagonal_(all.diagonal_),
+      row_count_(static_cast<int>(rows.size())),
+      joint_count_(all.joint_count_),
+      matrices_(all.matrices_) {
+  std::vector<Entry> entries;
+  for (int block = 0; block < block_count(); ++block) {
+    const std::size_t begin = entries.size();
+    for (int row = block * kBlock; row < std::min(row_count_, (block + 1) * kBlock); ++row) {
+      const int from = rows[row] / kBlock;
+      for (int k = all.offsets_[from]; k < all.offsets_[from + 1]; ++k) {
+        const int mode = all.modes_[k];
+        const auto same = [&](const Entry& entry) { return entry.mode == mode; };
+        auto entry = std::find_if(entries.begin() + static_cast<std::ptrdiff_t>(begin), entries.end(), same);
+        if (entry == entries.end()) entry = entries.insert(entry, Entry{block, mode, {}});
+        entry->values.of_row[row % kBlock] = all.values_[k].of_row[rows[row] % kBlock];
+      }
+    }
+  }
+  keep(entries);
+}
+
+/// Block after block, the order within a block kept.
+void Subspace::keep(const std::vector<Entry>& entries) {
+  offsets_.assign(block_count() + 1, 0);
+  for (const Entry& entry : entries) ++offsets_[entry.block + 1];
+  std::partial_sum(offsets_.begin(), offsets_.end(), offsets_.begin());
+  modes_.resize(entries.size());
+  values_.resize(entries.size());
+  std::vector<int> next(offsets_.begin(), offsets_.end() - 1);
+  for (const Entry& entry : entries) {
+    const int place = next[entry.block]++;
+    modes_[place] = entry.mode;
+    values_[place] = entry.values;
+  }
+}
+
+void Subspace::read(const Pose& pose, const PoseRotations& rotations, Eigen::VectorXf& coordinates) const {
+  const std::span<const Eigen::Vector4f> table = rotations.table();
+  Eigen::Map<Eigen::Matrix3Xf> columns(coordinates.data(), 3, mode_count());
+  int mode = 0;
+  for (const Matrix& matrix : matrices_) {
+    const Eigen::Quaterniond turn =
+        matrix.place < 0 ? pose.rotations[matrix.joint]
+                         : Eigen::Quaterniond(Eigen::Quaternionf(table[matrix.place]).cast<double>().normalized());
+    columns.middleCols<kPerMatrix>(mode) = (pose.scales[matrix.joint] * turn.toRotationMatrix()).cast<float>();
+    mode += kPerMatrix;
+  }
+  for (int joint = 0; joint < joint_count_; ++joint) {
+    columns.col(mode++) = ((pose.positions[joint] - pose.positions.front()) / diagonal_).cast<float>();
+  }
+}
+
+void Subspace::evaluate(int block, const Eigen::VectorXf& coordinates, Eigen::Vector4f* rows) const {
+  constexpr int vectors = kBlock / kLanes;
+  Wide sum[3][vectors] = {};
+  for (int k = offsets_[block]; k < offsets_[block + 1]; ++k) {
+    const float* const coordinate = coordinates.data() + 3 * modes_[k];
+    for (int v = 0; v < vectors; ++v) {
+      const Wide value = *reinterpret_cast<const Wide*>(values_[k].of_row + kLanes * v);
+      for (int axis = 0; axis < 3; ++axis) sum[axis][v] += coordinate[axis] * value;
+    }
+  }
+  const int count = std::min(kBlock, row_count_ - block * kBlock);
+  for (int row = 0; row < count; ++row) {
+    const int v = row / kLanes;
+    const int lane = row % kLanes;
+    rows[row] = {sum[0][v][lane], sum[1][v][lane], sum[2][v][lane], 0.0f};
+  }
+}
+
+std::size_t Subspace::bytes() const {
+  return values_.size() * sizeof(Values) + (modes_.size() + offsets_.size() + nodes_.size()) * sizeof(int);
+}
+
+}  // namespace sinew

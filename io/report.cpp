@@ -203,7 +203,7 @@ void print_frames(std::ostream& out, const Report& report) {
               report.frames_milliseconds / 1000.0, frames_per_second(report), report.machine.threads);
   out << line("  %-18s %9s %9s %9s %9s\n", "ms a frame", "median", "p95", "p99", "max");
   print_milliseconds(out, "total", total_spread(report));
-  for (int stage = 0; stage < kFrameStageCount; ++stage)
+  for (int stage = 0; stage < kFrameStageCount && !report.preview; ++stage)
     print_milliseconds(out, stage_name(static_cast<FrameStage>(stage)), stage_spread(report, stage));
   if (report.preview) {
     out << line(

@@ -41,7 +41,7 @@ TEST(Program, a_start_nobody_knows_is_refused_with_those_that_are_known) {
     const ProgramRun run = run_sinew(arguments);
     EXPECT_EQ(run.exit_code, 2);
     EXPECT_EQ(run.errors,
-              "error: --start: nonsense not in {auto,fischer,linear,previous,quadratic,skinning,zero}; "
+              "error: --start: nonsense not in {auto,fischer,linear,previous,quadratic,skinning,subspace,zero}; "
               "see sinew --help\n");
   }
 }
@@ -100,12 +100,33 @@ TEST(Program, the_report_tells_what_was_done) {
   const auto report = nlohmann::json::parse(contents(folder / "a.json"));
   EXPECT_EQ(report.at("schema"), "sinew.report/1");
   ASSERT_EQ(report.at("frames").size(), 5u);
+  EXPECT_TRUE(report.at("preview").is_null());
   for (const auto& frame : report.at("frames")) {
     EXPECT_TRUE(frame.at("converged").get<bool>());
     EXPECT_LE(frame.at("error").get<double>(), 1e-4);
     EXPECT_GT(frame.at("residual").get<double>(), 0.0);
     EXPECT_NEAR(frame.at("volume_ratio").get<double>(), 1.0, 0.05);
   }
+}
+
+TEST(Program, a_preview_says_how_far_it_is_from_solved_frames) {
+  const fs::path folder = scratch("preview");
+  const ProgramRun run = run_sinew(
+      ogre_job(folder / "a.glb", {"--frames", "1-20", "--mode", "preview", "--report", folder / "a.json"}));
+  ASSERT_EQ(run.exit_code, 0) << run.errors;
+  const auto report = nlohmann::json::parse(contents(folder / "a.json"));
+  const auto& preview = report.at("preview");
+  EXPECT_EQ(preview.at("frames_measured").size(), 9u);
+  const double largest = preview.at("largest_error").get<double>();
+  EXPECT_GT(largest, preview.at("rms_error").get<double>());
+  EXPECT_LT(largest, 0.05);
+  for (const auto& frame : report.at("frames")) {
+    EXPECT_EQ(frame.at("solves"), 0);
+    EXPECT_TRUE(frame.at("error").is_null());
+  }
+  char told[64];
+  std::snprintf(told, sizeof told, "largest error %.1e of the diagonal", largest);
+  EXPECT_NE(run.errors.find(told), std::string::npos) << run.errors;
 }
 
 TEST(Program, the_same_job_gives_the_same_bytes_for_any_number_of_threads) {

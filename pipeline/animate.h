@@ -24,8 +24,8 @@ enum class FrameMode {
 struct AnimateOptions {
   FrameMode mode = FrameMode::full;
   FrameOptions frame = {};  ///< of FrameMode::full
-  int first_frame = 0;  ///< of the motion, 0-based
-  int last_frame = -1;  ///< inclusive; -1: the last one
+  int first_frame = 0;      ///< of the motion, 0-based
+  int last_frame = -1;      ///< inclusive; -1: the last one
   /// Frames are solved in chunks whose starts are multiples of this many frames of the *motion*; a
   /// chunk starts from nothing, each later frame from the ones before. So a frame's bytes
   /// depend on this number and on the motion, not on threads or on first_frame.
@@ -34,11 +34,11 @@ struct AnimateOptions {
 
 /// One finished frame, handed out in order.
 struct FrameResult {
-  int frame = 0;                       ///< of the motion
-  const Field3* positions = nullptr;   ///< vertex_count x 3, in the order of Rig::mesh
-  FrameReport report;                  ///< of a preview: how long it took, and no solves
-  double volume_ratio = 1.0;           ///< enclosed volume over the rest one
-  double farthest_from_skeleton = 0.0; ///< of any vertex, as a share of the rest body's height
+  int frame = 0;                        ///< of the motion
+  const Field3* positions = nullptr;    ///< vertex_count x 3, in the order of Rig::mesh
+  FrameReport report;                   ///< of a preview: how long it took, and no solves
+  double volume_ratio = 1.0;            ///< enclosed volume over the rest one
+  double farthest_from_skeleton = 0.0;  ///< of any vertex, as a share of the rest body's height
 };
 
 /// Solves the frames and calls `sink` for each, in order, from the calling thread. A sink that

@@ -106,7 +106,7 @@ FrameNodes::FrameNodes(const Rig& rig) {
 void FrameNodes::number_slots(const Rig& rig) {
   free_count = static_cast<int>(rig.node_of_free.size());
   slot_count = rig.volume.node_count();
-  node_of_slot = rig.node_of_free;
+  node_of_slot.assign(rig.node_of_free.begin(), rig.node_of_free.end());
   for (int node = 0; node < slot_count; ++node) {
     if (rig.free_of_node[node] < 0) node_of_slot.push_back(node);
   }

@@ -4,6 +4,7 @@
 
 #include "pipeline/local_step.h"
 #include "pipeline/rig.h"
+#include "solver/large_pages.h"
 
 /// Internal to pipeline/: the graph as a frame walks it, and the two passes over its edges.
 namespace sinew {
@@ -37,14 +38,14 @@ struct FrameNodes {
   double diagonal = 1.0;
   int free_count = 0;
   int slot_count = 0;
-  std::vector<int> node_of_slot;
-  std::vector<int> slot_of_node;
-  std::vector<int> offsets;                      ///< per free slot, into neighbors and weights
-  std::vector<int> neighbors;                    ///< slots, ascending: the held ones last
-  std::vector<float> weights;                    ///< empty where all are one
-  std::vector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
-  std::vector<NodeRecord> records;
-  std::vector<NodePlace> places;
+  LargeVector<int> node_of_slot;
+  LargeVector<int> slot_of_node;
+  LargeVector<int> offsets;                      ///< per free slot, into neighbors and weights
+  LargeVector<int> neighbors;                    ///< slots, ascending: the held ones last
+  LargeVector<float> weights;                    ///< empty where all are one
+  LargeVector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
+  LargeVector<NodeRecord> records;
+  LargeVector<NodePlace> places;
 
  private:
   void number_slots(const Rig& rig);

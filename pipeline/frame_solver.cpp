@@ -68,9 +68,9 @@ struct FrameSolver::Members {
   PoseRotations pose_rotations;
   SlotTerms terms;
   Starts starts;
-  std::vector<Eigen::Quaternionf> rotations;         // per slot
-  std::vector<float> pose_scales;                    // per slot
-  std::vector<float> volume_scales;                  // per free slot
+  LargeVector<Eigen::Quaternionf> rotations;         // per slot
+  LargeVector<float> pose_scales;                    // per slot
+  LargeVector<float> volume_scales;                  // per free slot
   std::vector<Eigen::Vector3d> held_positions;       // per constrained slot: relative to origin
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // the pose's first joint
   std::unique_ptr<CorrectionWorkspace> workspace;

@@ -78,7 +78,8 @@ PreviewError measure_preview(const Rig& rig, const Motion& motion, int first_fra
     error.largest = distances.maxCoeff();
     error.worst_frame = frame;
   }
-  if (measured > 0 && vertices > 0) error.rms = std::sqrt(squares / (static_cast<double>(measured) * vertices));
+  if (measured > 0 && vertices > 0)
+    error.rms = std::sqrt(squares / (static_cast<double>(measured) * vertices));
   return error;
 }
 

@@ -9,8 +9,8 @@
 
 namespace sinew {
 
-/// Frames from a rig's subspace of the surface alone: no frame needs another, and none is solved. What that costs
-/// in accuracy, measure_preview() measures. Owns the scratch memory of one thread; the rig and the team
+/// Frames from a rig's subspace of the surface alone: no frame needs another, and none is solved. What that
+/// costs in accuracy, measure_preview() measures. Owns the scratch memory of one thread; the rig and the team
 /// are borrowed.
 class Preview {
  public:
@@ -32,10 +32,10 @@ class Preview {
 
 /// How far previews are from solved frames, over the surface vertices, as shares of the diagonal.
 struct PreviewError {
-  std::vector<int> frames;   ///< measured, of the motion
-  double largest = 0.0;      ///< distance of any vertex in any of them
-  int worst_frame = 0;       ///< where that is
-  double rms = 0.0;          ///< over all vertices and those frames
+  std::vector<int> frames;  ///< measured, of the motion
+  double largest = 0.0;     ///< distance of any vertex in any of them
+  int worst_frame = 0;      ///< where that is
+  double rms = 0.0;         ///< over all vertices and those frames
 };
 
 /// Compares frames spread evenly over [first_frame, last_frame], at most `count`, with the frames that a

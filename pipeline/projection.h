@@ -11,7 +11,7 @@
 namespace sinew {
 
 /// One row per free slot: x, y, z and a zero, in the units of FrameNodes.
-using SlotRows = std::vector<Eigen::Vector4f>;
+using SlotRows = LargeVector<Eigen::Vector4f>;
 
 /// Projection on the last solutions [Fischer 1998]: of all mixtures of the last four answers whose weights
 /// sum to one, the one that is nearest to the answer to come in the norm of the matrix A. x, y and z are

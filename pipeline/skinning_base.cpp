@@ -9,11 +9,14 @@ typedef float Vector16 __attribute__((vector_size(64), may_alias, aligned(4)));
 
 SlotTerms::SlotTerms(const Rig& rig, const FrameNodes& nodes, const PoseRotations& rotations) {
   const HarmonicFields& fields = rig.harmonics;
+  std::vector<BlendTerm> of_node;
   offsets.push_back(0);
   for (const int node : nodes.node_of_slot) {
     const int begin = fields.offsets[node];
     const int count = fields.offsets[node + 1] - begin;
-    rotations.append_terms(&fields.fields[begin], &fields.weights[begin], count, terms);
+    of_node.clear();
+    rotations.append_terms(&fields.fields[begin], &fields.weights[begin], count, of_node);
+    terms.insert(terms.end(), of_node.begin(), of_node.end());
     offsets.push_back(static_cast<int>(terms.size()));
   }
   terms.shrink_to_fit();

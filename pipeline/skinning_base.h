@@ -19,8 +19,8 @@ struct SlotTerms {
     return {&terms[offsets[slot]], static_cast<std::size_t>(offsets[slot + 1] - offsets[slot])};
   }
 
-  std::vector<int> offsets;  ///< slot_count + 1
-  std::vector<BlendTerm> terms;
+  LargeVector<int> offsets;  ///< slot_count + 1
+  LargeVector<BlendTerm> terms;
 };
 
 /// Linear blend skinning in the units of FrameNodes. It is linear in the coordinates of the pose, one 4 x 4

@@ -42,7 +42,8 @@ double later_cycles(double error, double tolerance) {
 const Subspace* foreseeing_subspace(const Rig& rig, Start start) {
   const bool there = rig.subspace && rig.subspace->nodes() == rig.node_of_free;
   if (start == Start::subspace && !there) {
-    throw std::invalid_argument("FrameSolver: the start is the subspace's; the rig has none of its free nodes");
+    throw std::invalid_argument(
+        "FrameSolver: the start is the subspace's; the rig has none of its free nodes");
   }
   return there && (start == Start::subspace || start == Start::automatic) ? &*rig.subspace : nullptr;
 }
@@ -74,8 +75,8 @@ Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, 
     history.sampled.fill(none);
   }
   if (subspace_ != nullptr) sampled_subspace_.emplace(*subspace_, sampled_slots_);
-  unforeseen_ =
-      Eigen::VectorXf::Zero(subspace_ != nullptr ? subspace_->coordinate_count() : skinning_.coordinate_count());
+  unforeseen_ = Eigen::VectorXf::Zero(subspace_ != nullptr ? subspace_->coordinate_count()
+                                                           : skinning_.coordinate_count());
   coordinates_.fill(unforeseen_);
   foreseen_.fill(none);
   rest_errors_.fill(std::vector<float>(sampled_slots_.size(), 0.0f));
@@ -169,7 +170,8 @@ void Starts::foresee_samples(const Pose& pose, const PoseRotations& rotations) {
   if (subspace_ != nullptr) {
     subspace_->read(pose, rotations, coordinates);
     for (int block = 0; block < sampled_subspace_->block_count(); ++block) {
-      sampled_subspace_->evaluate(block, coordinates, &foreseen[static_cast<std::size_t>(block) * Subspace::kBlock]);
+      sampled_subspace_->evaluate(block, coordinates,
+                                  &foreseen[static_cast<std::size_t>(block) * Subspace::kBlock]);
     }
     return;
   }

@@ -16,15 +16,15 @@ namespace sinew {
 /// The starts of a frame's solves, foretold in time.
 ///
 /// The first solve starts from a mixture of the last three answers: extrapolated by a polynomial of degree 0
-/// to 2, or with the weights that mix this pose's foreseen positions from those of the last poses best. Foreseen
-/// are positions by linear blend skinning or, better and dearer, by the rig's subspace. A foreseeing start adds,
-/// at every node, what the mixture leaves of the foreseen positions; it is as good far away, so that a V-cycle
-/// is enough where the others want one of full multigrid. Start::automatic tries all of them on some hundred
-/// nodes in every frame and takes the one that is foretold to need the least work: an error is what the
-/// mixture left of the answer less the foreseen positions one frame ago and, without foreseeing, what it
-/// leaves of the foreseen positions now, which is known. Each later solve of a frame starts
-/// from the answer of the one before plus the step between these two solves, mixed with the weights that
-/// would have done best one frame ago.
+/// to 2, or with the weights that mix this pose's foreseen positions from those of the last poses best.
+/// Foreseen are positions by linear blend skinning or, better and dearer, by the rig's subspace. A foreseeing
+/// start adds, at every node, what the mixture leaves of the foreseen positions; it is as good far away, so
+/// that a V-cycle is enough where the others want one of full multigrid. Start::automatic tries all of them
+/// on some hundred nodes in every frame and takes the one that is foretold to need the least work: an error
+/// is what the mixture left of the answer less the foreseen positions one frame ago and, without foreseeing,
+/// what it leaves of the foreseen positions now, which is known. Each later solve of a frame starts from the
+/// answer of the one before plus the step between these two solves, mixed with the weights that would have
+/// done best one frame ago.
 class Starts {
  public:
   Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
@@ -43,11 +43,9 @@ class Starts {
   /// The start so found.
   const Eigen::Vector4f& first_start(int slot) const { return now()[slot]; }
 
-  /// Start of a slot in a later solve, `before` its answer of the solve before. Calls for different slots may run
-  /// side by side.
-  Eigen::Vector4f begin(int slot, const Eigen::Vector4f& before) {
-    return now()[slot] = mixed(slot, before);
-  }
+  /// Start of a slot in a later solve, `before` its answer of the solve before. Calls for different slots may
+  /// run side by side.
+  Eigen::Vector4f begin(int slot, const Eigen::Vector4f& before) { return now()[slot] = mixed(slot, before); }
 
   /// Once the residual of the start is known: a better start, and its residual.
   void improve(std::span<Eigen::Vector4f> residual);
@@ -108,7 +106,8 @@ class Starts {
   const SlotRows& now() const { return histories_[solve_].rows[frame_ % kFrames]; }
   /// The chosen mixture of a slot's earlier answers, on top of `sum`.
   Eigen::Vector4f mixed(int slot, Eigen::Vector4f sum) const {
-    for (int age = 0; age < choice_.mixture.count; ++age) sum += choice_.mixture.weights[age] * recent(age)[slot];
+    for (int age = 0; age < choice_.mixture.count; ++age)
+      sum += choice_.mixture.weights[age] * recent(age)[slot];
     return sum;
   }
   /// The place in a ring of four of the frame `age` frames before the last.

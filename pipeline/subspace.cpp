@@ -1,4 +1,5 @@
-// After [Shi et al. 2006, eq. 11], whose right-hand side is linear in the rotations; the modes are an addition.
+// After [Shi et al. 2006, eq. 11], whose right-hand side is linear in the rotations; the modes are an
+// addition.
 #include "pipeline/subspace.h"
 
 #include <algorithm>
@@ -111,7 +112,8 @@ class Subspace::Builder {
         const int step = static_cast<int>(std::lround(kKnots[knot] * (range.count - 1)));
         subspace_.matrices_.push_back({range.joint, range.first + step});
       }
-      matrix_of_joint_.resize(std::max(matrix_of_joint_.size(), static_cast<std::size_t>(range.joint) + 1), -1);
+      matrix_of_joint_.resize(std::max(matrix_of_joint_.size(), static_cast<std::size_t>(range.joint) + 1),
+                              -1);
       matrix_of_joint_[range.joint] = first;
     }
     axis_of_joint_.assign(skeleton_.joint_count(), Eigen::Vector3d::Zero());
@@ -173,7 +175,8 @@ class Subspace::Builder {
   static int column_of_joint(int joint) { return -1 - joint; }
 
   static void add_arm(int matrix, const Eigen::Vector3d& arm, double share, std::vector<Share>& to) {
-    for (int axis = 0; axis < kPerMatrix; ++axis) to.push_back({kPerMatrix * matrix + axis, share * arm[axis]});
+    for (int axis = 0; axis < kPerMatrix; ++axis)
+      to.push_back({kPerMatrix * matrix + axis, share * arm[axis]});
   }
 
   /// As FrameSolver pins them, with linear blends for rotations.
@@ -229,8 +232,9 @@ class Subspace::Builder {
   /// sum_j w 1/2 (h_i + h_j) (x0_i - x0_j) for the modes of matrices, and the held neighbors' values.
   Columns right_hand_sides(int first, int count, const Columns& held) const {
     const int first_matrix = first / kPerMatrix;
-    const int matrix_count = std::min((first + count - 1) / kPerMatrix + 1,
-                                      static_cast<int>(subspace_.matrices_.size())) - first_matrix;
+    const int matrix_count =
+        std::min((first + count - 1) / kPerMatrix + 1, static_cast<int>(subspace_.matrices_.size())) -
+        first_matrix;
     Columns listening = Columns::Zero(volume_.node_count(), std::max(matrix_count, 0));
     for (int node = 0; node < volume_.node_count(); ++node) {
       for (const Share& share : shares(node)) {
@@ -259,11 +263,13 @@ class Subspace::Builder {
           graph.weights[k] / (2.0 * subspace_.diagonal_) * (rest(node) - rest(neighbor));
       for (int column = 0; column < columns && first + column < joints_begin; ++column) {
         const int matrix = (first + column) / kPerMatrix - first_matrix;
-        b(free, column) += (listening(node, matrix) + listening(neighbor, matrix)) * edge[(first + column) % kPerMatrix];
+        b(free, column) +=
+            (listening(node, matrix) + listening(neighbor, matrix)) * edge[(first + column) % kPerMatrix];
       }
       const int row = held_of_node_[neighbor];
       if (row < 0) continue;
-      for (int column = 0; column < columns; ++column) b(free, column) += graph.weights[k] * held(row, column);
+      for (int column = 0; column < columns; ++column)
+        b(free, column) += graph.weights[k] * held(row, column);
     }
   }
 
@@ -296,21 +302,21 @@ class Subspace::Builder {
   PoseRotations rotations_;
 
   std::vector<int> node_of_free_;
-  std::vector<int> held_of_node_;       // -1 where free
-  std::vector<int> matrix_of_place_;    // the first of its bone
-  std::vector<int> first_place_;        // of its bone
+  std::vector<int> held_of_node_;     // -1 where free
+  std::vector<int> matrix_of_place_;  // the first of its bone
+  std::vector<int> first_place_;      // of its bone
   std::vector<int> last_place_;
-  std::vector<int> matrix_of_joint_;    // the first of its bone, -1: none
-  std::vector<int> own_matrix_;         // per joint; -1: none
+  std::vector<int> matrix_of_joint_;            // the first of its bone, -1: none
+  std::vector<int> own_matrix_;                 // per joint; -1: none
   std::vector<Eigen::Vector3d> axis_of_joint_;  // zero: does not twist
-  std::vector<int> share_offsets_;      // per node
+  std::vector<int> share_offsets_;              // per node
   std::vector<Share> shares_;
   std::vector<std::vector<Share>> held_;  // per held node
 };
 
 Subspace::Subspace(const RigSkeleton& skeleton, const VolumeGraph& volume, const Binding& binding,
-                   const HarmonicFields& fields, std::span<const int> free_of_node, const LinearSolver* solver,
-                   std::vector<int> nodes, ThreadTeam& team)
+                   const HarmonicFields& fields, std::span<const int> free_of_node,
+                   const LinearSolver* solver, std::vector<int> nodes, ThreadTeam& team)
     : diagonal_(rest_diagonal(volume)),
       row_count_(static_cast<int>(nodes.size())),
       joint_count_(skeleton.joint_count()),
@@ -362,9 +368,11 @@ void Subspace::read(const Pose& pose, const PoseRotations& rotations, Eigen::Vec
   int mode = 0;
   for (const Matrix& matrix : matrices_) {
     const Eigen::Quaterniond turn =
-        matrix.place < 0 ? pose.rotations[matrix.joint]
-                         : Eigen::Quaterniond(Eigen::Quaternionf(table[matrix.place]).cast<double>().normalized());
-    columns.middleCols<kPerMatrix>(mode) = (pose.scales[matrix.joint] * turn.toRotationMatrix()).cast<float>();
+        matrix.place < 0
+            ? pose.rotations[matrix.joint]
+            : Eigen::Quaterniond(Eigen::Quaternionf(table[matrix.place]).cast<double>().normalized());
+    columns.middleCols<kPerMatrix>(mode) =
+        (pose.scales[matrix.joint] * turn.toRotationMatrix()).cast<float>();
     mode += kPerMatrix;
   }
   for (int joint = 0; joint < joint_count_; ++joint) {

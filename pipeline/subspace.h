@@ -8,6 +8,7 @@
 #include "pipeline/harmonic_fields.h"
 #include "pipeline/volume_graph.h"
 #include "skeleton/pose.h"
+#include "solver/large_pages.h"
 #include "solver/linear_solver.h"
 #include "solver/thread_team.h"
 
@@ -33,8 +34,8 @@ enum class SubspaceOf {
 /// with three numbers a node and bone, g_k(i), and one a node and joint, g_c(i), which are solved for once:
 /// the modes. A pose is answered by a sum over the modes, whatever came before it. It is off by what a linear
 /// blend of matrices is off from a rotation, and knows nothing of the local steps of Deform::refined. Scaled
-/// joints scale their matrices. A twisting bone has three matrices, at its near end, half way and at its far end;
-/// between them twist is interpolated by a parabola.
+/// joints scale their matrices. A twisting bone has three matrices, at its near end, half way and at its far
+/// end; between them twist is interpolated by a parabola.
 ///
 /// A rest pose gives the rest body and a moved one the moved body, but for what is dropped: a mode counts
 /// in a block of nodes where any of its numbers exceeds 2e-5 of the diagonal.
@@ -102,7 +103,7 @@ class Subspace {
   std::vector<Matrix> matrices_;
   std::vector<int> offsets_;  ///< block_count() + 1, into the two below
   std::vector<int> modes_;
-  std::vector<Values> values_;
+  LargeVector<Values> values_;
 };
 
 }  // namespace sinew

@@ -1,6 +1,9 @@
 #include "solver/coarse_factor.h"
 
+#include <amd.h>
+
 #include <Eigen/SparseCholesky>
+#include <stdexcept>
 
 namespace sinew {
 namespace {
@@ -12,25 +15,46 @@ constexpr double kDiagonalLift = 1e-7;
 /// A pivot below this share of its diagonal is rounding: the direction is spanned by earlier rows.
 constexpr double kSmallestPivot = 1e-6;
 
+using ColumnMatrix = Eigen::SparseMatrix<double>;
+
+/// Which row comes when, so that few entries are filled in. Eigen has an approximate minimum degree of its
+/// own, up to five times as slow on the rows of some seventy entries that coarse levels have.
+Eigen::VectorXi minimum_degree_order(const ColumnMatrix& A) {
+  Eigen::VectorXi order(A.rows());
+  const int status = amd_order(static_cast<int>(A.rows()), A.outerIndexPtr(), A.innerIndexPtr(), order.data(),
+                               nullptr, nullptr);
+  if (status != AMD_OK && status != AMD_OK_BUT_JUMBLED)
+    throw std::runtime_error("CoarseFactor: no ordering found");
+  return order;
+}
+
 }  // namespace
 
 CoarseFactor::CoarseFactor(const SparseMatrix& A) {
-  using ColumnMatrix = Eigen::SparseMatrix<double>;
   starts_.push_back(0);
   if (A.rows() == 0) return;
-  ColumnMatrix lifted = A;
+  // Its rows are its columns: A is symmetric.
+  ColumnMatrix lifted = Eigen::Map<const ColumnMatrix>(A.rows(), A.cols(), A.nonZeros(), A.outerIndexPtr(),
+                                                       A.innerIndexPtr(), A.valuePtr());
   const Field diagonal = A.diagonal();
   for (Eigen::Index i = 0; i < lifted.rows(); ++i) lifted.coeffRef(i, i) += kDiagonalLift * diagonal[i];
-  Eigen::SimplicialLDLT<ColumnMatrix> factor(lifted);
+  const Eigen::VectorXi order = minimum_degree_order(lifted);
+  const Eigen::PermutationMatrix<Eigen::Dynamic> place_of_row =
+      Eigen::PermutationMatrix<Eigen::Dynamic>(order).inverse();
+  ColumnMatrix ordered;
+  ordered.selfadjointView<Eigen::Lower>() = lifted.selfadjointView<Eigen::Lower>().twistedBy(place_of_row);
+  const Eigen::SimplicialLDLT<ColumnMatrix, Eigen::Lower, Eigen::NaturalOrdering<int>> factor(ordered);
   const auto n = static_cast<std::size_t>(A.rows());
   const ColumnMatrix& L = factor.matrixL().nestedExpression();
-  order_.resize(n);
+  order_.assign(order.begin(), order.end());
   inverse_pivots_.resize(n);
-  for (std::size_t i = 0; i < n; ++i) order_[factor.permutationP().indices()[i]] = static_cast<int>(i);
   for (std::size_t k = 0; k < n; ++k) {
     const double pivot = factor.vectorD()[k];
     inverse_pivots_[k] = pivot > kSmallestPivot * diagonal[order_[k]] ? static_cast<float>(1 / pivot) : 0.0f;
   }
+  rows_.reserve(static_cast<std::size_t>(L.nonZeros()));
+  values_.reserve(static_cast<std::size_t>(L.nonZeros()));
+  starts_.reserve(n + 1);
   for (Eigen::Index column = 0; column < L.outerSize(); ++column) {
     for (ColumnMatrix::InnerIterator entry(L, column); entry; ++entry) {
       if (entry.row() <= column) continue;

@@ -69,9 +69,9 @@ inline typename Lanes<kWidth>::Float rest_sum(const ShortRows& rows, int long_ro
 
 // Calls visit(i, sum of the weighted neighbors) for the rows of [begin, end), ascending.
 template <int kWidth, typename Step, typename Visit>
-inline void ascend(const LevelMatrix& A, const std::vector<ShortRow<Step>>& rows,
+inline void ascend(const LevelMatrix& A, const LargeVector<ShortRow<Step>>& rows,
                    const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
-  const std::vector<int>& long_rows = A.short_rows.long_rows;
+  const LargeVector<int>& long_rows = A.short_rows.long_rows;
   const ShortRow<Step>* const row = rows.data();
   const float weight = A.uniform_weight;
   int long_row = A.short_rows.first_long_from(begin);
@@ -87,9 +87,9 @@ inline void ascend(const LevelMatrix& A, const std::vector<ShortRow<Step>>& rows
 
 // The same, descending.
 template <int kWidth, typename Step, typename Visit>
-inline void come_down(const LevelMatrix& A, const std::vector<ShortRow<Step>>& rows,
+inline void come_down(const LevelMatrix& A, const LargeVector<ShortRow<Step>>& rows,
                       const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
-  const std::vector<int>& long_rows = A.short_rows.long_rows;
+  const LargeVector<int>& long_rows = A.short_rows.long_rows;
   const ShortRow<Step>* const row = rows.data();
   const float weight = A.uniform_weight;
   int long_row = A.short_rows.first_long_from(end) - 1;

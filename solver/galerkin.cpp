@@ -12,7 +12,7 @@ constexpr int kCorners = 8;
 
 /// Coarse rows made in one go. A slab recomputes what it shares with its neighbors at its ends, so it should
 /// be long against a breadth-first front of coarse nodes; but it keeps the rows of its pieces in memory.
-constexpr int kFewestSlabRows = 1024;
+constexpr int kFewestSlabRows = 256;
 constexpr int kMostSlabRows = 16384;
 
 // Rows come out the same however they are cut, so the cut may look at the team.
@@ -33,21 +33,26 @@ struct Block {
 };
 
 struct FineNodes {
-  std::vector<int> piece;  // by fine node
-  AlignedMemory weights;   // an Eight::Float per fine node
+  LargeVector<int> piece;  // by fine node
+  LargeVector<Eight::Float> weights;
 };
 
-FineNodes by_fine_node(const PieceTransfer& transfer) {
+FineNodes by_fine_node(const PieceTransfer& transfer, ThreadTeam& team) {
+  constexpr int fewest_pieces = 512;
   FineNodes fine;
   fine.piece.resize(transfer.nodes.size());
-  fine.weights = AlignedMemory(transfer.nodes.size() * sizeof(Eight::Float));
-  for (int p = 0; p < transfer.piece_count(); ++p)
-    for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
-      const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
-      fine.piece[node] = p;
-      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
-                        fine.weights.as<float>() + kCorners * node);
-    }
+  fine.weights.resize(transfer.nodes.size());
+  const int blocks = even_block_count(transfer.piece_count(), fewest_pieces);
+  team.for_each_block(blocks, [&](int block) {
+    const int end = even_block_begin(transfer.piece_count(), blocks, block + 1);
+    for (int p = even_block_begin(transfer.piece_count(), blocks, block); p < end; ++p)
+      for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
+        const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
+        fine.piece[node] = p;
+        trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
+                          reinterpret_cast<float*>(&fine.weights[node]));
+      }
+  });
   return fine;
 }
 
@@ -124,8 +129,7 @@ class Slab {
       near_touched_[near] = 1;
       touched_.push_back(near);
     }
-    near_sums_[near].value +=
-        factor * __builtin_convertvector(fine_.weights.as<Eight::Float>()[node], Eight::Double);
+    near_sums_[near].value += factor * __builtin_convertvector(fine_.weights[node], Eight::Double);
   }
 
   // Row of A P at one fine node, times its weights: one block of eight by eight per piece it is joined to.
@@ -133,7 +137,7 @@ class Slab {
     touched_.clear();
     add_weights(node, A_.diagonal[node]);
     for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k) add_weights(A_.neighbors[k], -A_.weight(k));
-    const Eight::Float& weights = fine_.weights.as<Eight::Float>()[node];
+    const Eight::Float& weights = fine_.weights[node];
     for (int near : touched_) {
       const Eight::Double sums = near_sums_[near].value;
       Block& block = blocks_[near];
@@ -219,7 +223,7 @@ void append(const LevelMatrix& part, LevelMatrix& whole) {
 }  // namespace
 
 LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer, ThreadTeam& team) {
-  const FineNodes fine = by_fine_node(transfer);
+  const FineNodes fine = by_fine_node(transfer, team);
   const int slabs = slab_count(transfer.coarse_count, team);
   std::vector<LevelMatrix> parts(static_cast<std::size_t>(slabs));
   team.for_each_block(slabs, [&](int slab) {
@@ -247,11 +251,11 @@ void finish_level(LevelMatrix& matrix) {
   // A row without a diagonal is an equation 0 = 0: its correction stays zero.
   for (std::size_t i = 0; i < matrix.diagonal.size(); ++i)
     matrix.inverse_diagonal[i] = matrix.diagonal[i] > 0 ? 1 / matrix.diagonal[i] : 0.0f;
-  std::vector<float>& weights = matrix.weights;
+  LargeVector<float>& weights = matrix.weights;
   if (!weights.empty() &&
       std::all_of(weights.begin(), weights.end(), [&](float w) { return w == weights.front(); })) {
     matrix.uniform_weight = weights.front();
-    std::vector<float>().swap(weights);  // gives the memory back, which clearing would not
+    LargeVector<float>().swap(weights);  // gives the memory back, which clearing would not
   }
   matrix.sweep_blocks = sweep_blocks(matrix.offsets, matrix.neighbors);
 }
@@ -260,15 +264,22 @@ SparseMatrix to_sparse(const LevelMatrix& matrix) {
   const int n = matrix.size();
   SparseMatrix A(n, n);
   if (n == 0) return A;  // Eigen 3.4 reads behind the rows of an empty matrix
-  Eigen::VectorXi row_sizes(n);
-  for (int i = 0; i < n; ++i) row_sizes[i] = matrix.offsets[i + 1] - matrix.offsets[i] + 1;
-  A.reserve(row_sizes);
+  A.resizeNonZeros(matrix.entries() + n);
+  int* const row_begins = A.outerIndexPtr();
+  int place = 0;
+  const auto put = [&](int column, double value) {
+    A.innerIndexPtr()[place] = column;
+    A.valuePtr()[place++] = value;
+  };
   for (int i = 0; i < n; ++i) {
-    A.insert(i, i) = matrix.diagonal[i];
-    for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
-      A.insert(i, matrix.neighbors[k]) = -matrix.weight(k);
+    row_begins[i] = place;
+    int k = matrix.offsets[i];
+    const int end = matrix.offsets[i + 1];
+    for (; k < end && matrix.neighbors[k] < i; ++k) put(matrix.neighbors[k], -matrix.weight(k));
+    put(i, matrix.diagonal[i]);
+    for (; k < end; ++k) put(matrix.neighbors[k], -matrix.weight(k));
   }
-  A.makeCompressed();
+  row_begins[n] = place;
   return A;
 }
 

@@ -12,6 +12,7 @@
 #include "solver/lattice_coarsening.h"
 #include "solver/patch_search.h"
 #include "solver/shi_coarsening.h"
+#include "solver/sweep_blocks.h"
 
 namespace sinew {
 namespace {
@@ -23,26 +24,33 @@ constexpr double kFirstCell = 2.75;
 /// A level that keeps more than this share of its nodes is not worth having.
 constexpr double kLargestShare = 0.7;
 
+/// Rows per block of parallel work.
+constexpr int kRowsPerBlock = 4096;
+
 /// A last level larger than this is swept instead of factored.
 constexpr int kLargestFactor = 20000;
 
-LevelMatrix level_matrix(const LinearSystem& system) {
+LevelMatrix level_matrix(const LinearSystem& system, ThreadTeam& team) {
   const Graph& graph = system.graph;
   LevelMatrix matrix;
-  matrix.offsets = graph.offsets;
-  matrix.neighbors = graph.neighbors;
+  matrix.offsets.assign(graph.offsets.begin(), graph.offsets.end());
+  matrix.neighbors.assign(graph.neighbors.begin(), graph.neighbors.end());
   // finish_level would drop equal weights, but only after they were copied.
   if (!graph.weights.empty() && std::all_of(graph.weights.begin(), graph.weights.end(),
                                             [&](double w) { return w == graph.weights.front(); }))
     matrix.uniform_weight = static_cast<float>(graph.weights.front());
   else
     matrix.weights.assign(graph.weights.begin(), graph.weights.end());
-  matrix.diagonal.reserve(static_cast<std::size_t>(graph.node_count()));
-  for (int i = 0; i < graph.node_count(); ++i) {
-    double diagonal = system.anchor[i];
-    for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k) diagonal += graph.weights[k];
-    matrix.diagonal.push_back(static_cast<float>(diagonal));
-  }
+  const int n = graph.node_count();
+  matrix.diagonal.resize(static_cast<std::size_t>(n));
+  const int blocks = even_block_count(n, kRowsPerBlock);
+  team.for_each_block(blocks, [&](int block) {
+    for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
+      double diagonal = system.anchor[i];
+      for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k) diagonal += graph.weights[k];
+      matrix.diagonal[i] = static_cast<float>(diagonal);
+    }
+  });
   finish_level(matrix);
   return matrix;
 }
@@ -82,7 +90,7 @@ void add_lattice_levels(const LinearSystem& system, const HierarchyOptions& opti
   }
 }
 
-void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options,
+void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team,
                     Hierarchy::Members& members) {
   LinearSystem coarser;
   for (const LinearSystem* level = &system; level->graph.node_count() > options.coarsest_size &&
@@ -91,17 +99,17 @@ void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options,
     ShiCoarsening next = coarsen_by_independent_set(*level);
     if (next.coarse.graph.node_count() > kLargestShare * level->graph.node_count()) return;
     coarser = std::move(next.coarse);
-    members.matrices.push_back(level_matrix(coarser));
+    members.matrices.push_back(level_matrix(coarser, team));
     members.transfers.push_back({std::nullopt, std::move(next.defect)});
     members.descents.push_back(std::move(next.descent));
   }
 }
 
 // Shi 2006's levels are read along their neighbors to the end, and the smallest systems are never swept.
-void shorten_rows(LevelMatrix& finest) {
+void shorten_rows(LevelMatrix& finest, ThreadTeam& team) {
   if (!finest.weights.empty()) return;
-  finest.short_rows = short_rows(finest.offsets, finest.neighbors);
-  std::vector<int>().swap(finest.neighbors);
+  finest.short_rows = short_rows(finest.offsets, finest.neighbors, team);
+  LargeVector<int>().swap(finest.neighbors);
 }
 
 void check_options(const LinearSystem& system, const HierarchyOptions& options) {
@@ -145,9 +153,9 @@ std::size_t EdgeDescent::bytes() const {
 Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team)
     : members_(std::make_unique<Members>()) {
   check_options(system, options);
-  members_->matrices.push_back(level_matrix(system));
+  members_->matrices.push_back(level_matrix(system, team));
   if (options.coarsening == Coarsening::shi2006)
-    add_shi_levels(system, options, *members_);
+    add_shi_levels(system, options, team, *members_);
   else
     add_lattice_levels(system, options, team, *members_);
   const LevelMatrix& last = members_->matrices.back();
@@ -155,7 +163,7 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
     members_->bottom.emplace(to_sparse(last));
   if (options.coarsening == Coarsening::lattice && members_->matrices.size() > 1) {
     members_->patches = find_patches(*members_, team);
-    shorten_rows(members_->matrices.front());
+    shorten_rows(members_->matrices.front(), team);
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "solver/coarse_factor.h"
 #include "solver/hierarchy.h"
+#include "solver/large_pages.h"
 #include "solver/patches.h"
 #include "solver/short_rows.h"
 
@@ -14,12 +15,12 @@ namespace sinew {
 
 /// Symmetric matrix in single precision: A(i,i) = diagonal[i], A(i,j) = -weight of the entry.
 struct LevelMatrix {
-  std::vector<int> offsets = {0};  ///< size() + 1
-  std::vector<int> neighbors;      ///< ascending per node; empty where short_rows says the same
-  std::vector<float> weights;      ///< alongside neighbors; empty when all equal uniform_weight
+  LargeVector<int> offsets = {0};  ///< size() + 1
+  LargeVector<int> neighbors;      ///< ascending per node; empty where short_rows says the same
+  LargeVector<float> weights;      ///< alongside neighbors; empty when all equal uniform_weight
   float uniform_weight = 0;
-  std::vector<float> diagonal;          ///< positive
-  std::vector<float> inverse_diagonal;  ///< what a sweep multiplies by
+  LargeVector<float> diagonal;          ///< positive
+  LargeVector<float> inverse_diagonal;  ///< what a sweep multiplies by
 
   /// Nodes [sweep_blocks[k], sweep_blocks[k+1]) have neighbors in blocks k-1, k and k+1 alone, so
   /// all even blocks can be swept at once, and then all odd ones.
@@ -39,15 +40,15 @@ struct LevelMatrix {
 /// blend of its piece's corners. A piece with one corner is an aggregate: all its nodes take that
 /// coarse node's value.
 struct PieceTransfer {
-  std::vector<int> piece_offsets = {0};  ///< piece_count() + 1
-  std::vector<int> nodes;                ///< fine nodes, grouped by piece, ascending in each
-  std::vector<float> places;             ///< three per entry of `nodes`: x y z in the cell, in [0, 1)
-  std::vector<int> corners;              ///< eight per piece; coarse_count where nothing is read
+  LargeVector<int> piece_offsets = {0};  ///< piece_count() + 1
+  LargeVector<int> nodes;                ///< fine nodes, grouped by piece, ascending in each
+  LargeVector<float> places;             ///< three per entry of `nodes`: x y z in the cell, in [0, 1)
+  LargeVector<int> corners;              ///< eight per piece; coarse_count where nothing is read
 
   /// Coarse node c is corner k of piece p for the entries 8 p + k in
   /// uses[use_offsets[c]] .. uses[use_offsets[c + 1]].
-  std::vector<int> use_offsets = {0};
-  std::vector<int> uses;
+  LargeVector<int> use_offsets = {0};
+  LargeVector<int> uses;
 
   int coarse_count = 0;
   bool linear = false;  ///< linear functions of the positions are interpolated exactly
@@ -105,9 +106,9 @@ struct Hierarchy::Members {
   std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
 };
 
-template <typename T>
-std::size_t bytes_of(const std::vector<T>& values) {
-  return values.capacity() * sizeof(T);
+template <typename Vector>
+std::size_t bytes_of(const Vector& values) {
+  return values.capacity() * sizeof(typename Vector::value_type);
 }
 
 }  // namespace sinew

@@ -11,8 +11,7 @@ constexpr std::size_t kAlignment = sizeof(Lanes<kWidestLanes>::Double);
 
 AlignedMemory::AlignedMemory(std::size_t bytes) : bytes_((bytes + kAlignment - 1) / kAlignment * kAlignment) {
   if (bytes_ == 0) return;
-  memory_.reset(std::aligned_alloc(kAlignment, bytes_));
-  if (!memory_) throw std::bad_alloc();
+  memory_.reset(allocate_in_large_pages(bytes_));
   std::memset(memory_.get(), 0, bytes_);
 }
 

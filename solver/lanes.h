@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdlib>
 #include <memory>
-#include <new>
+
+#include "solver/large_pages.h"
 
 /// Internal to solver/. Several right-hand sides side by side: one short vector per node, which the
 /// compiler maps to the machine's registers.
@@ -38,7 +38,7 @@ class AlignedMemory {
 
  private:
   struct Free {
-    void operator()(void* memory) const { std::free(memory); }
+    void operator()(void* memory) const { free_large_pages(memory); }
   };
   std::unique_ptr<void, Free> memory_;
   std::size_t bytes_ = 0;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <span>
 
 #include "solver/sweep_blocks.h"
 
@@ -14,6 +15,9 @@ using Cell = std::array<int, 3>;
 using CellKey = std::int64_t;  // the three numbers of a cell in one, for comparisons alone
 
 constexpr int kItemsPerBlock = 4096;
+
+/// Nodes whose edges say how long edges are.
+constexpr int kSampledNodes = 50000;
 
 CellKey key_of(const Cell& cell) {
   return (static_cast<CellKey>(cell[0]) << 42) | (static_cast<CellKey>(cell[1]) << 21) | cell[2];
@@ -59,37 +63,76 @@ class DisjointSets {
 };
 
 struct Pieces {
-  std::vector<int> of_node;
+  LargeVector<int> of_node;
   std::vector<Cell> cells;  // by piece
 };
 
-// Floods each cell's part of the graph; pieces are numbered by their lowest node.
-Pieces flood_cells(const LevelMatrix& matrix, const std::vector<Cell>& cell_of_node,
-                   const std::vector<CellKey>& key_of_node) {
-  Pieces pieces;
-  pieces.of_node.assign(cell_of_node.size(), -1);
+using Joints = std::vector<std::array<int, 2>>;
+
+// Floods what nodes [begin, end) hold of each cell's part of the graph: every node's root becomes the lowest
+// node it was reached from. Gives the edges by which parts hang together with those of lower nodes.
+Joints flood_some(const LevelMatrix& matrix, const LargeVector<CellKey>& key_of_node, int begin, int end,
+                  LargeVector<int>& root) {
+  Joints joints;
   std::vector<int> front;
-  for (int start = 0; start < matrix.size(); ++start) {
-    if (pieces.of_node[start] >= 0) continue;
-    const int piece = static_cast<int>(pieces.cells.size());
-    pieces.cells.push_back(cell_of_node[start]);
-    pieces.of_node[start] = piece;
+  for (int start = begin; start < end; ++start) {
+    if (root[start] >= 0) continue;
+    root[start] = start;
     front.assign(1, start);
     while (!front.empty()) {
       const int node = front.back();
       front.pop_back();
       for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
         const int neighbor = matrix.neighbors[k];
-        if (pieces.of_node[neighbor] >= 0 || key_of_node[neighbor] != key_of_node[start]) continue;
-        pieces.of_node[neighbor] = piece;
-        front.push_back(neighbor);
+        if (neighbor >= end || key_of_node[neighbor] != key_of_node[start]) continue;
+        if (neighbor < begin) {
+          joints.push_back({node, neighbor});
+        } else if (root[neighbor] < 0) {
+          root[neighbor] = start;
+          front.push_back(neighbor);
+        }
       }
+    }
+  }
+  return joints;
+}
+
+// The parts of cells that hang together, numbered by their lowest node. However the nodes are shared out
+// they are the same, so the shares may look at the team.
+Pieces flood_cells(const LevelMatrix& matrix, const LargeVector<Cell>& cell_of_node,
+                   const LargeVector<CellKey>& key_of_node, ThreadTeam& team) {
+  const int n = matrix.size();
+  const int shares = std::min(team.thread_count(), even_block_count(n, kItemsPerBlock));
+  LargeVector<int> root(static_cast<std::size_t>(n), -1);
+  std::vector<Joints> joints(static_cast<std::size_t>(shares));
+  team.for_each_block(shares, [&](int share) {
+    joints[share] = flood_some(matrix, key_of_node, even_block_begin(n, shares, share),
+                               even_block_begin(n, shares, share + 1), root);
+  });
+  const auto find = [&](int node) {
+    while (root[node] != node) node = root[node];
+    return node;
+  };
+  for (const Joints& some : joints)
+    for (const auto& [node, neighbor] : some) {
+      const int a = find(node), b = find(neighbor);
+      root[std::max(a, b)] = std::min(a, b);
+    }
+  Pieces pieces;
+  pieces.of_node.resize(static_cast<std::size_t>(n));
+  for (int node = 0; node < n; ++node) {
+    const int lowest = find(node);
+    if (lowest == node) {
+      pieces.of_node[node] = static_cast<int>(pieces.cells.size());
+      pieces.cells.push_back(cell_of_node[node]);
+    } else {
+      pieces.of_node[node] = pieces.of_node[lowest];
     }
   }
   return pieces;
 }
 
-void group_nodes(const std::vector<int>& piece_of_node, int piece_count, PieceTransfer& transfer) {
+void group_nodes(std::span<const int> piece_of_node, int piece_count, PieceTransfer& transfer) {
   transfer.piece_offsets.assign(static_cast<std::size_t>(piece_count) + 1, 0);
   for (int piece : piece_of_node) ++transfer.piece_offsets[piece + 1];
   for (int piece = 0; piece < piece_count; ++piece)
@@ -112,19 +155,35 @@ void unite_corners(int p, int q, const Cell& cell_p, const Cell& cell_q, Disjoin
   }
 }
 
-void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const PieceTransfer& transfer,
-                         DisjointSets& corners) {
+// Pairs of pieces [begin, end) with later ones that edges join.
+Joints joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const PieceTransfer& transfer,
+                     int begin, int end) {
+  Joints joints;
   std::vector<int> last_seen_from(pieces.cells.size(), -1);
-  for (int p = 0; p < transfer.piece_count(); ++p)
+  for (int p = begin; p < end; ++p)
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       const int node = transfer.nodes[entry];
       for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
         const int q = pieces.of_node[matrix.neighbors[k]];
         if (q <= p || last_seen_from[q] == p) continue;
         last_seen_from[q] = p;
-        unite_corners(p, q, pieces.cells[p], pieces.cells[q], corners);
+        joints.push_back({p, q});
       }
     }
+  return joints;
+}
+
+void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const PieceTransfer& transfer,
+                         ThreadTeam& team, DisjointSets& corners) {
+  const int count = transfer.piece_count();
+  const int shares = std::min(team.thread_count(), even_block_count(count, kItemsPerBlock));
+  std::vector<Joints> joints(static_cast<std::size_t>(shares));
+  team.for_each_block(shares, [&](int share) {
+    joints[share] = joined_pieces(matrix, pieces, transfer, even_block_begin(count, shares, share),
+                                  even_block_begin(count, shares, share + 1));
+  });
+  for (const Joints& some : joints)
+    for (const auto& [p, q] : some) unite_corners(p, q, pieces.cells[p], pieces.cells[q], corners);
 }
 
 // By root of the corners: whether any node gives weight to it. One that is not used would be an empty
@@ -219,17 +278,27 @@ std::vector<int> aggregate(const LevelMatrix& matrix, int& count) {
 }  // namespace
 
 double mean_edge_length(const LevelMatrix& matrix, const Field3& positions, ThreadTeam& team) {
-  const int blocks = even_block_count(matrix.size(), kItemsPerBlock);
+  const int stride = std::max(1, matrix.size() / kSampledNodes);
+  const int samples = (matrix.size() + stride - 1) / stride;
+  const int blocks = even_block_count(samples, kItemsPerBlock);
   std::vector<double> sums(static_cast<std::size_t>(blocks), 0.0);
+  std::vector<std::int64_t> counts(static_cast<std::size_t>(blocks), 0);
   team.for_each_block(blocks, [&](int block) {
-    const int end = even_block_begin(matrix.size(), blocks, block + 1);
-    for (int i = even_block_begin(matrix.size(), blocks, block); i < end; ++i)
+    const int end = even_block_begin(samples, blocks, block + 1);
+    for (int sample = even_block_begin(samples, blocks, block); sample < end; ++sample) {
+      const int i = sample * stride;
       for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k)
         sums[block] += (positions.row(i) - positions.row(matrix.neighbors[k])).norm();
+      counts[block] += matrix.offsets[i + 1] - matrix.offsets[i];
+    }
   });
   double sum = 0;
-  for (double part : sums) sum += part;
-  return matrix.neighbors.empty() ? 0 : sum / static_cast<double>(matrix.neighbors.size());
+  std::int64_t count = 0;
+  for (int block = 0; block < blocks; ++block) {
+    sum += sums[block];
+    count += counts[block];
+  }
+  return count == 0 ? 0 : sum / static_cast<double>(count);
 }
 
 void trilinear_weights(const float* place, float* weights) {
@@ -242,14 +311,14 @@ PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& posi
                                    ThreadTeam& team) {
   const int n = matrix.size();
   const Eigen::RowVector3d origin = positions.colwise().minCoeff();
-  std::vector<Cell> cell_of_node(static_cast<std::size_t>(n));
-  std::vector<CellKey> key_of_node(static_cast<std::size_t>(n));
+  LargeVector<Cell> cell_of_node(static_cast<std::size_t>(n));
+  LargeVector<CellKey> key_of_node(static_cast<std::size_t>(n));
   for_items(team, n, [&](int i) {
     for (int axis = 0; axis < 3; ++axis)
       cell_of_node[i][axis] = static_cast<int>((positions(i, axis) - origin[axis]) / cell);
     key_of_node[i] = key_of(cell_of_node[i]);
   });
-  const Pieces pieces = flood_cells(matrix, cell_of_node, key_of_node);
+  const Pieces pieces = flood_cells(matrix, cell_of_node, key_of_node, team);
 
   PieceCoarsening result;
   PieceTransfer& transfer = result.transfer;
@@ -264,7 +333,7 @@ PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& posi
   });
 
   DisjointSets corners(static_cast<int>(pieces.cells.size()) * kCorners);
-  unite_joined_pieces(matrix, pieces, transfer, corners);
+  unite_joined_pieces(matrix, pieces, transfer, team, corners);
   const std::vector<char> used = corners_in_use(transfer, corners, team);
   number_corners(pieces.cells, used, corners, result);
   list_corner_uses(transfer);

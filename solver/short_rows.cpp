@@ -1,29 +1,40 @@
 #include "solver/short_rows.h"
 
-#include <cstdlib>
 #include <limits>
+
+#include "solver/sweep_blocks.h"
 
 namespace sinew {
 namespace {
 
+/// Rows per block of parallel work.
+constexpr int kRowsPerBlock = 4096;
+
 template <typename Step>
-std::vector<ShortRow<Step>> rows_of(std::span<const int> offsets, std::span<const int> neighbors) {
-  std::vector<ShortRow<Step>> rows(offsets.size() - 1);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const int count = std::min(kShortRow, offsets[i + 1] - offsets[i]);
-    for (int k = 0; k < count; ++k)
-      rows[i].steps[k] = static_cast<Step>(neighbors[offsets[i] + k] - static_cast<int>(i));
-    std::fill(rows[i].steps + count, rows[i].steps + kShortRow, Step{0});
-    rows[i].own = static_cast<float>(count - kShortRow);
-  }
+LargeVector<ShortRow<Step>> rows_of(std::span<const int> offsets, std::span<const int> neighbors,
+                                    ThreadTeam& team) {
+  const int n = static_cast<int>(offsets.size()) - 1;
+  LargeVector<ShortRow<Step>> rows(static_cast<std::size_t>(n));
+  const int blocks = even_block_count(n, kRowsPerBlock);
+  team.for_each_block(blocks, [&](int block) {
+    for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
+      const int count = std::min(kShortRow, offsets[i + 1] - offsets[i]);
+      for (int k = 0; k < count; ++k) rows[i].steps[k] = static_cast<Step>(neighbors[offsets[i] + k] - i);
+      std::fill(rows[i].steps + count, rows[i].steps + kShortRow, Step{0});
+      rows[i].own = static_cast<float>(count - kShortRow);
+    }
+  });
   return rows;
 }
 
+/// Neighbors ascend: the first and the last are the farthest.
 int longest_step(std::span<const int> offsets, std::span<const int> neighbors) {
   int longest = 0;
-  for (std::size_t i = 0; i + 1 < offsets.size(); ++i)
-    for (int k = offsets[i]; k < offsets[i + 1]; ++k)
-      longest = std::max(longest, std::abs(neighbors[k] - static_cast<int>(i)));
+  for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
+    if (offsets[i] == offsets[i + 1]) continue;
+    const int row = static_cast<int>(i);
+    longest = std::max({longest, row - neighbors[offsets[i]], neighbors[offsets[i + 1] - 1] - row});
+  }
   return longest;
 }
 
@@ -34,13 +45,13 @@ std::size_t ShortRows::bytes() const {
          (long_rows.capacity() + rest_offsets.capacity() + rest.capacity()) * sizeof(int);
 }
 
-ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors) {
+ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team) {
   ShortRows result;
   result.rest_offsets = {0};
   if (longest_step(offsets, neighbors) <= std::numeric_limits<std::int16_t>::max())
-    result.near = rows_of<std::int16_t>(offsets, neighbors);
+    result.near = rows_of<std::int16_t>(offsets, neighbors, team);
   else
-    result.far = rows_of<std::int32_t>(offsets, neighbors);
+    result.far = rows_of<std::int32_t>(offsets, neighbors, team);
   for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
     if (offsets[i + 1] - offsets[i] <= kShortRow) continue;
     result.long_rows.push_back(static_cast<int>(i));

@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
+
+#include "solver/large_pages.h"
+#include "solver/thread_team.h"
 
 /// Internal to solver/: where the neighbors of a row are, when all off-diagonal entries have one weight.
 namespace sinew {
@@ -23,11 +25,11 @@ struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow
 
 /// All rows of a graph. Half the bytes of a list of neighbors, and read in strides that are known ahead.
 struct ShortRows {
-  std::vector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where a step
-  std::vector<ShortRow<std::int32_t>> far;   ///< does not fit into 16 bits
-  std::vector<int> long_rows;                ///< ascending: the rows with more neighbors than kShortRow
-  std::vector<int> rest_offsets;             ///< by long row and one more, into rest
-  std::vector<int> rest;                     ///< their other neighbors
+  LargeVector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where a step
+  LargeVector<ShortRow<std::int32_t>> far;   ///< does not fit into 16 bits
+  LargeVector<int> long_rows;                ///< ascending: the rows with more neighbors than kShortRow
+  LargeVector<int> rest_offsets;             ///< by long row and one more, into rest
+  LargeVector<int> rest;                     ///< their other neighbors
 
   bool empty() const { return near.empty() && far.empty(); }
   std::size_t bytes() const;
@@ -39,6 +41,6 @@ struct ShortRows {
 };
 
 /// The graph's rows, neighbors in their order.
-ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors);
+ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team);
 
 }  // namespace sinew

@@ -54,8 +54,9 @@ TEST_P(SubspaceForms, moving_the_whole_skeleton_moves_the_mesh_rigidly) {
   const Eigen::Vector3d shift(30, -7, 12);
   const Field3 wanted =
       (surface_at_rest(rig) * whole.toRotationMatrix().transpose()).rowwise() + shift.transpose();
-  EXPECT_LT(largest_difference(previewed(rig, posed(rig.skeleton, {whole, none, none}, shift), team_), wanted),
-            kDropped * rest_diagonal(rig.volume));
+  EXPECT_LT(
+      largest_difference(previewed(rig, posed(rig.skeleton, {whole, none, none}, shift), team_), wanted),
+      kDropped * rest_diagonal(rig.volume));
 }
 
 TEST_P(SubspaceForms, a_pose_grown_by_half_grows_the_body_by_half) {
@@ -104,7 +105,8 @@ Field3 solved_with_blends(const Rig& rig, const Pose& pose, const std::vector<Ei
 
 TEST(Subspace, is_the_answer_with_linear_blends_for_rotations) {
   ThreadTeam team(1);
-  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), subspace_options(Deform::paper, SubspaceOf::surface), team);
+  const Rig rig =
+      build_rig(arm_mesh(), arm_skeleton(), subspace_options(Deform::paper, SubspaceOf::surface), team);
   const Pose pose = bent_arm(100, 60);
   std::vector<Eigen::Matrix3d> blends(rig.volume.node_count(), Eigen::Matrix3d::Zero());
   for (int node = 0; node < rig.volume.node_count(); ++node) {
@@ -162,8 +164,9 @@ TEST(Subspace, interpolates_the_twist_of_a_bone_by_a_parabola) {
 
 TEST_P(SubspaceForms, multigrid_gives_the_modes_of_the_direct_solver) {
   const Rig direct = build();
-  const Rig multigrid = build_rig(arm_mesh(), arm_skeleton(),
-                                  subspace_options(GetParam(), SubspaceOf::surface, SolverKind::multigrid), team_);
+  const Rig multigrid =
+      build_rig(arm_mesh(), arm_skeleton(),
+                subspace_options(GetParam(), SubspaceOf::surface, SolverKind::multigrid), team_);
   const Pose pose = bent_arm(110, 70);
   EXPECT_LT(largest_difference(previewed(direct, pose, team_), previewed(multigrid, pose, team_)),
             kDropped * rest_diagonal(direct.volume));
@@ -171,7 +174,8 @@ TEST_P(SubspaceForms, multigrid_gives_the_modes_of_the_direct_solver) {
 
 TEST_P(SubspaceForms, one_and_two_threads_give_the_same_bytes) {
   ThreadTeam two(2);
-  const Rig rig_two = build_rig(arm_mesh(), arm_skeleton(), subspace_options(GetParam(), SubspaceOf::surface), two);
+  const Rig rig_two =
+      build_rig(arm_mesh(), arm_skeleton(), subspace_options(GetParam(), SubspaceOf::surface), two);
   const Pose pose = bent_arm(100, 60);
   const Field3 one = previewed(build(), pose, team_);
   const Field3 other = previewed(rig_two, pose, two);
@@ -264,7 +268,8 @@ TEST(Subspace, what_a_rig_lacks_is_refused) {
     }
     return "";
   };
-  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), subspace_options(Deform::paper, SubspaceOf::surface), team);
+  const Rig rig =
+      build_rig(arm_mesh(), arm_skeleton(), subspace_options(Deform::paper, SubspaceOf::surface), team);
   FrameOptions options;
   options.start = Start::subspace;
   EXPECT_EQ(message([&] { FrameSolver(rig, options, team); }),
@@ -311,7 +316,8 @@ TEST(Preview, says_how_far_it_is_from_the_solved_frames) {
 
 TEST(Preview, part_of_a_motion_has_the_bytes_of_the_whole) {
   ThreadTeam team(1);
-  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), subspace_options(Deform::paper, SubspaceOf::surface), team);
+  const Rig rig =
+      build_rig(arm_mesh(), arm_skeleton(), subspace_options(Deform::paper, SubspaceOf::surface), team);
   const auto frames = [&](int first, int last) {
     std::vector<Field3> all;
     animate(rig, bending(), {.mode = FrameMode::preview, .first_frame = first, .last_frame = last}, team,

@@ -121,14 +121,15 @@ TEST(ShortRows, keep_wide_steps_and_long_rows) {
     if (i < 20 || i == 40000) neighbors.push_back(0);
     offsets.push_back(static_cast<int>(neighbors.size()));
   }
-  const ShortRows rows = short_rows(offsets, neighbors);
+  ThreadTeam team(1);
+  const ShortRows rows = short_rows(offsets, neighbors, team);
   EXPECT_TRUE(rows.near.empty());
   EXPECT_EQ(rows.far[40000].steps[0], -40000);
   EXPECT_EQ(rows.far[40000].own, -13);
   EXPECT_EQ(rows.far[100].own, -14);
   EXPECT_EQ(rows.far[0].own, 0);
-  EXPECT_EQ(rows.long_rows, std::vector<int>{0});
-  EXPECT_EQ(rows.rest, (std::vector<int>{15, 16, 17, 18, 19, 40000}));
+  EXPECT_EQ(rows.long_rows, LargeVector<int>{0});
+  EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000}));
 }
 
 TEST(Hierarchy, sweep_blocks_reach_only_their_neighbors) {

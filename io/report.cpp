@@ -170,6 +170,8 @@ Json frame_json(const FrameRecord& frame) {
   return {{"frame", frame.frame},
           {"solves", frame.report.solves},
           {"cycles", frame.report.cycles},
+          {"full_cycles", frame.report.full_cycles},
+          {"light_cycles", frame.report.light_cycles},
           {"error", frame.report.solves > 0 ? Json(frame.report.error) : Json(nullptr)},
           {"residual", frame.report.residual},
           {"converged", frame.report.converged},

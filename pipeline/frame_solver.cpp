@@ -295,7 +295,10 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
       if (first) starts.improve(workspace->residual);
     });
     timed(FrameStage::solve, report, [&] {
-      const CorrectionReport step = rig.solver->correct(first ? starts.reach() : Reach::near, *workspace);
+      const Reach reach = first ? starts.reach() : Reach::near;
+      const CorrectionReport step = rig.solver->correct(reach, *workspace);
+      if (reach == Reach::far) report.full_cycles += step.cycles;
+      if (reach == Reach::light) report.light_cycles += step.cycles;
       error = step.error_left;
       advance(first);
       cycles += std::max(step.cycles, 1);

@@ -22,10 +22,14 @@ constexpr double kLeftLater = 0.2;
 /// Share of a cycle by which a start should do better than its estimate asks: estimates are off by as much.
 constexpr double kSpare = 0.3;
 
+/// A later solve's start that was wrong by less than this many tolerances a frame ago is put right by a light
+/// cycle: samples miss a third of the largest error, and half of it may be left.
+constexpr double kLightBelow = 1.3;
+
 /// Costs, in cycles of full multigrid.
 constexpr double kNearCost = 0.9;
 constexpr double kSkinningCost = 0.25;
-constexpr double kSubspaceCost = 0.25;
+constexpr double kSubspaceCost = 0.13;
 
 /// A polynomial of a degree that could not be tried yet is taken to be this much better than the next lower
 /// one, squared: motion is smooth more often than not.
@@ -224,7 +228,8 @@ void Starts::choose(int solve) {
   if (mixtures_[wanted].count == 0) wanted = std::max(known_ - 1, 0);
   const bool from_before = start_ == Start::zero || known_ == 0;
   // What the local step changes reaches far; extrapolated, little of it is left.
-  choice_ = from_before ? Choice{{}, false, Reach::far} : Choice{mixtures_[wanted], false, Reach::near};
+  const Reach near = histories_[solve].wrong < kLightBelow * tolerance_ ? Reach::light : Reach::near;
+  choice_ = from_before ? Choice{{}, false, Reach::far} : Choice{mixtures_[wanted], false, near};
 }
 
 void Starts::improve(std::span<Eigen::Vector4f> residual) {
@@ -252,8 +257,9 @@ void Starts::judge() {
       rest_errors_[k][sample] = squared;
     }
   }
-  history.best =
-      known_ < kFrames ? 2 : static_cast<int>(std::min_element(worst.begin(), worst.end()) - worst.begin());
+  const auto least = std::min_element(worst.begin(), worst.end());
+  history.best = known_ < kFrames ? 2 : static_cast<int>(least - worst.begin());
+  history.wrong = known_ < kFrames ? std::numeric_limits<double>::infinity() : std::sqrt(static_cast<double>(*least));
 }
 
 std::size_t Starts::bytes() const {

@@ -41,6 +41,7 @@ class SolverWorkspace {
 
 /// How far a correction must reach.
 enum class Reach {
+  light,  ///< what is wrong lies near by and is small: one V-cycle with half the smoothing
   near,  ///< what is wrong lies near by: one V-cycle
   far    ///< what is wrong is smooth over the whole body: one cycle of full multigrid
 };

@@ -26,6 +26,7 @@ constexpr int kSums = 3;
 // motion: up to 0.9 after full multigrid, 0.36 after a V-cycle, and mostly a fifth of that.
 constexpr double kErrorLeftFar = 0.6;
 constexpr double kErrorLeftNear = 0.3;
+constexpr double kErrorLeftLight = 0.5;
 
 // What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.
 constexpr double kSinglePrecision = 1e-5;
@@ -407,6 +408,10 @@ FineSystem fine_system(const LinearSystem& system) {
   return fine;
 }
 
+int sweeps_for(const MultigridOptions& options, Reach reach) {
+  return reach == Reach::light ? (options.smoothing_sweeps + 1) / 2 : options.smoothing_sweeps;
+}
+
 const LinearSystem& checked(const LinearSystem& system) {
   check_system("MultigridSolver", system);
   return system;
@@ -502,12 +507,12 @@ CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& work
   auto* const own = dynamic_cast<CorrectionCycle*>(&workspace);
   if (own == nullptr || own->hierarchy != &members_->hierarchy)
     refuse_correction_workspace("MultigridSolver");
-  Cycle<4> cycle(members_->hierarchy.members(), members_->options.smoothing_sweeps, members_->team,
+  Cycle<4> cycle(members_->hierarchy.members(), sweeps_for(members_->options, reach), members_->team,
                  own->memory);
-  if (reach == Reach::near) {
+  if (reach != Reach::far) {
     cycle.v_cycle();
     const Longest longest = longest_rows(members_->team, own->correction, nullptr, own->of_blocks);
-    return {1, kErrorLeftNear * std::sqrt(longest.row)};
+    return {1, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * std::sqrt(longest.row)};
   }
   auto* const interpolated = own->interpolated.as<Eigen::Vector4f>();
   cycle.descend();
@@ -518,7 +523,7 @@ CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& work
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {
-  return cycle_cost(members_->hierarchy.members(), members_->options.smoothing_sweeps, reach);
+  return cycle_cost(members_->hierarchy.members(), sweeps_for(members_->options, reach), reach);
 }
 
 std::unique_ptr<SolverWorkspace> MultigridSolver::make_edge_workspace() const {

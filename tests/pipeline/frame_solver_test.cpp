@@ -273,6 +273,30 @@ TEST_P(FrameSolverForms, steady_motion_needs_fewer_cycles_than_frames_solved_fro
   EXPECT_LT(cycles_of(Start::fischer), 0.8 * cycles_of(Start::zero));
 }
 
+TEST_P(FrameSolverForms, only_the_cycles_of_full_multigrid_are_counted_as_full) {
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
+  FrameOptions options = exact(GetParam(), 1e-6);
+  options.start = Start::zero;
+  FrameSolver solver(rig, options, team_);
+  const FrameReport from_nothing = solver.solve(bent_arm(60, 20));
+  EXPECT_EQ(from_nothing.full_cycles, from_nothing.solves);  // the first of every solve
+  EXPECT_GT(from_nothing.cycles, from_nothing.solves);
+  options.start = Start::skinning;
+  FrameSolver foreseeing(rig, options, team_);
+  EXPECT_EQ(foreseeing.solve(bent_arm(58, 20)).full_cycles, from_nothing.solves);
+  EXPECT_EQ(foreseeing.solve(bent_arm(60, 20)).full_cycles, 0);
+}
+
+TEST(FrameSolver, later_solves_of_slow_motion_take_light_cycles) {
+  ThreadTeam team(1);
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(Deform::refined), team);
+  FrameSolver solver(rig, exact(Deform::refined, 1e-4), team);
+  FrameReport report;
+  for (int frame = 0; frame < 8; ++frame) report = solver.solve(bent_arm(40 + 0.2 * frame, 20));
+  EXPECT_EQ(report.light_cycles, report.solves - 1);
+  EXPECT_TRUE(report.converged);
+}
+
 TEST_P(FrameSolverForms, the_estimated_error_is_at_least_half_of_the_true_one) {
   const Rig rig = build_rig(arm_mesh(), arm_skeleton(), fine_options(GetParam()), team_);
   for (const double tolerance : {1e-2, 1e-4}) {

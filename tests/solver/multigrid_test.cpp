@@ -205,6 +205,8 @@ TEST(Multigrid, the_cost_of_a_cycle_grows_with_the_graph_and_with_the_sweeps) {
     EXPECT_NEAR(static_cast<double>(cost.bytes) / static_cast<double>(less.correction_cost(reach).bytes),
                 nodes, 0.2 * nodes);
   }
+  EXPECT_EQ(four.correction_cost(Reach::light).bytes, two.correction_cost(Reach::near).bytes);
+  EXPECT_LT(two.correction_cost(Reach::light).bytes, two.correction_cost(Reach::near).bytes);
   EXPECT_EQ(four.correction_cost(Reach::near).bytes - two.correction_cost(Reach::near).bytes -
                 static_cast<std::int64_t>(4 * once),
             [&] {  // one sweep more on either side of every level that has a coarser one

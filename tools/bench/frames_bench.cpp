@@ -18,7 +18,7 @@ struct FrameLog {
   /// [stage][frame][repeat], milliseconds
   std::vector<std::vector<std::vector<double>>> stages;
   std::vector<std::vector<double>> whole;  ///< [frame][repeat]
-  std::vector<double> cycles, solves;      ///< by frame, the same in every repeat
+  std::vector<double> cycles, full_cycles, light_cycles, solves;  ///< by frame, the same in every repeat
   int unconverged = 0;
   double error = 0.0;
 };
@@ -57,6 +57,8 @@ class FrameRuns {
       milliseconds += whole;
       if (first) {
         log.cycles.push_back(report.cycles);
+        log.full_cycles.push_back(report.full_cycles);
+        log.light_cycles.push_back(report.light_cycles);
         log.solves.push_back(report.solves);
         if (!report.converged) ++log.unconverged;
         log.error = std::max(log.error, report.error);
@@ -100,15 +102,18 @@ void summarise(const FrameLog& log, FramesBenchResult& result) {
   result.error = log.error;
 }
 
-/// A frame's cycles alone, median: the first of each solve is one of full multigrid.
+/// A frame's cycles alone, median.
 double bytes_of_solves(const Rig& rig, const FrameLog& log) {
   const auto* multigrid = dynamic_cast<const MultigridSolver*>(rig.solver.get());
   if (multigrid == nullptr) return 0.0;
+  const auto light = static_cast<double>(multigrid->correction_cost(Reach::light).bytes);
   const auto near = static_cast<double>(multigrid->correction_cost(Reach::near).bytes);
   const auto far = static_cast<double>(multigrid->correction_cost(Reach::far).bytes);
   std::vector<double> bytes;
   for (std::size_t frame = 0; frame < log.cycles.size(); ++frame) {
-    bytes.push_back(log.solves[frame] * far + (log.cycles[frame] - log.solves[frame]) * near);
+    const double full = log.full_cycles[frame];
+    const double few = log.light_cycles[frame];
+    bytes.push_back(full * far + few * light + (log.cycles[frame] - full - few) * near);
   }
   return median(std::move(bytes));
 }

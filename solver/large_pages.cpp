@@ -2,7 +2,6 @@
 
 #include <sys/mman.h>
 
-#include <cstdint>
 #include <cstdlib>
 
 namespace sinew {
@@ -11,17 +10,13 @@ namespace {
 constexpr std::size_t kAlignment = 128;
 constexpr std::size_t kLargePage = std::size_t{1} << 21;
 
-std::size_t rounded_up(std::size_t bytes, std::size_t unit) {
-  return (bytes + unit - 1) / unit * unit;
-}
-
 }  // namespace
 
 void* allocate_in_large_pages(std::size_t bytes) {
   const bool large = bytes >= kLargePage;
   const std::size_t alignment = large ? kLargePage : kAlignment;
-  void* const memory = std::aligned_alloc(alignment, rounded_up(bytes == 0 ? 1 : bytes, kAlignment));
-  if (memory == nullptr) throw std::bad_alloc();
+  void* memory = nullptr;
+  if (posix_memalign(&memory, alignment, bytes) != 0) throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE
   // Whole pages alone: what is left over stays in small ones, so that no more memory is taken. A wish:
   // where it is not granted, the memory is what it would have been.

@@ -154,6 +154,7 @@ void FrameNodes::copy_neighborhoods(const Rig& rig) {
     inverse_rest_determinants.push_back(determinant > kFlat * even ? static_cast<float>(1.0 / determinant)
                                                                    : 0.0f);
   }
+  neighbors.insert(neighbors.end(), kAhead, 0);
 }
 
 void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {

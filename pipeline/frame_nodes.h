@@ -41,7 +41,7 @@ struct FrameNodes {
   LargeVector<int> node_of_slot;
   LargeVector<int> slot_of_node;
   LargeVector<int> offsets;                      ///< per free slot, into neighbors and weights
-  LargeVector<int> neighbors;                    ///< slots, ascending: the held ones last
+  LargeVector<int> neighbors;                    ///< slots, ascending: the held ones last; then some to spare
   LargeVector<float> weights;                    ///< empty where all are one
   LargeVector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
   LargeVector<NodeRecord> records;

@@ -12,7 +12,7 @@ namespace sinew {
 /// Where the first solve of a frame begins. A rig with a subspace of its free nodes uses that in place of
 /// skinning where the choice is automatic.
 enum class Start {
-  automatic,  ///< whichever of the others but fischer is foretold to need the least work
+  automatic,  ///< whichever of previous, linear, quadratic and skinning is foretold to need the least work
   zero,       ///< nothing of earlier frames: every frame is solved from its pose alone
   previous,   ///< the frame before
   linear,     ///< extrapolated from the last two frames

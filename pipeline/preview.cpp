@@ -13,7 +13,9 @@ namespace {
 constexpr int kBlocksAtOnce = 16;
 
 const Subspace& surface_subspace(const Rig& rig) {
-  if (!rig.subspace || rig.subspace->row_count() != rig.volume.surface_count) {
+  const auto on_surface = [&](int node) { return node < rig.volume.surface_count; };
+  if (!rig.subspace || rig.subspace->row_count() != rig.volume.surface_count ||
+      !std::ranges::all_of(rig.subspace->nodes(), on_surface)) {
     throw std::invalid_argument("Preview: the rig has no subspace of its surface");
   }
   return *rig.subspace;
@@ -33,6 +35,11 @@ void Preview::answer(const Pose& pose, Eigen::Ref<Field3> positions) {
   if (pose.joint_count() != rig_.skeleton.joint_count()) {
     throw std::invalid_argument("Preview::answer: got " + std::to_string(pose.joint_count()) +
                                 " joints; the rig has " + std::to_string(rig_.skeleton.joint_count()));
+  }
+  if (positions.rows() != subspace_.row_count()) {
+    throw std::invalid_argument("Preview::answer: got " + std::to_string(positions.rows()) +
+                                " rows; the surface has " + std::to_string(subspace_.row_count()) +
+                                " vertices");
   }
   rotations_.read(pose);
   subspace_.read(pose, rotations_, coordinates_);

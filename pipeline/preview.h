@@ -18,7 +18,7 @@ class Preview {
   Preview(const Rig& rig, ThreadTeam& team);
 
   /// Positions of the surface vertices, in the mesh's order. Allocates nothing. Throws std::invalid_argument
-  /// for a pose of another skeleton. Linear in vertices times modes.
+  /// for a pose of another skeleton or another number of rows. Linear in vertices times modes.
   void answer(const Pose& pose, Eigen::Ref<Field3> positions);
 
  private:

@@ -228,7 +228,7 @@ void Starts::choose(int solve) {
   if (mixtures_[wanted].count == 0) wanted = std::max(known_ - 1, 0);
   const bool from_before = start_ == Start::zero || known_ == 0;
   // What the local step changes reaches far; extrapolated, little of it is left.
-  const Reach near = histories_[solve].wrong < kLightBelow * tolerance_ ? Reach::light : Reach::near;
+  const Reach near = histories_[solve].wrong[wanted] < kLightBelow * tolerance_ ? Reach::light : Reach::near;
   choice_ = from_before ? Choice{{}, false, Reach::far} : Choice{mixtures_[wanted], false, near};
 }
 
@@ -259,7 +259,9 @@ void Starts::judge() {
   }
   const auto least = std::min_element(worst.begin(), worst.end());
   history.best = known_ < kFrames ? 2 : static_cast<int>(least - worst.begin());
-  history.wrong = known_ < kFrames ? std::numeric_limits<double>::infinity() : std::sqrt(static_cast<double>(*least));
+  for (int k = 0; k < kMixtures; ++k) {
+    history.wrong[k] = known_ < kFrames ? std::numeric_limits<float>::infinity() : std::sqrt(worst[k]);
+  }
 }
 
 std::size_t Starts::bytes() const {

@@ -93,8 +93,8 @@ class Starts {
   struct History {
     std::array<SlotRows, kFrames> rows;
     SampleRing sampled;
-    int best = 2;        ///< mixture
-    double wrong = 0.0;  ///< what the best mixture would have left, at most, of the last frame's answer
+    int best = 2;                          ///< mixture
+    std::array<float, kMixtures> wrong{};  ///< what each would have left, at most, of the last frame's answer
   };
 
   Eigen::Vector4f base(const Eigen::Vector4f& before) const {

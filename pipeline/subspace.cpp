@@ -20,6 +20,9 @@ constexpr int kModesAtOnce = 8;
 /// Relative residual of the modes: they are summed with weights near one.
 constexpr double kModeTolerance = 1e-5;
 
+/// Enough for solvers whose cycles are single iterations.
+constexpr int kMostCycles = 2000;
+
 /// Smaller numbers, shares of the diagonal, are not kept.
 constexpr float kDropBelow = 2e-5f;
 
@@ -72,7 +75,7 @@ class Subspace::Builder {
       Columns x = Columns::Zero(static_cast<Eigen::Index>(node_of_free_.size()), count);
       if (solver != nullptr) {
         const Columns b = right_hand_sides(first, count, held);
-        solver->solve(b, x, {.tolerance = kModeTolerance, .from_zero = true}, *workspace);
+        solver->solve(b, x, {.tolerance = kModeTolerance, .max_cycles = kMostCycles, .from_zero = true}, *workspace);
       }
       append(first, held, x, entries);
     }

@@ -161,7 +161,7 @@ struct ThreadTeam::Members {
 };
 
 ThreadTeam::ThreadTeam(int thread_count) : members_(std::make_unique<Members>()) {
-  if (thread_count <= 0) thread_count = static_cast<int>(std::thread::hardware_concurrency());
+  if (thread_count <= 0) thread_count = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   members_->shares = std::vector<Share>(thread_count);
   for (int worker = 1; worker < thread_count; ++worker)
     members_->workers.emplace_back([members = members_.get(), worker] { members->work(worker); });

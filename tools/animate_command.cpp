@@ -249,7 +249,8 @@ AnimateOptions solve_options(const AnimateCommandOptions& options, const FrameRa
   result.mode = is_preview(options) ? FrameMode::preview : FrameMode::full;
   result.frame.deform = options.deform == "paper" ? Deform::paper : Deform::refined;
   result.frame.tolerance = options.tolerance;
-  result.frame.start = start_named(options.start);
+  // The frames that previews are measured against stand alone, so where they start hardly matters.
+  result.frame.start = is_preview(options) ? Start::automatic : start_named(options.start);
   result.frame.measure_residual = !options.report.empty();
   result.first_frame = frames.first;
   result.last_frame = frames.last;

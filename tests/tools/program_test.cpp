@@ -127,6 +127,9 @@ TEST(Program, a_preview_says_how_far_it_is_from_solved_frames) {
   char told[64];
   std::snprintf(told, sizeof told, "largest error %.1e of the diagonal", largest);
   EXPECT_NE(run.errors.find(told), std::string::npos) << run.errors;
+  const ProgramRun started =
+      run_sinew(ogre_job(folder / "b.glb", {"--frames", "1-3", "--mode", "preview", "--start", "subspace"}));
+  EXPECT_EQ(started.exit_code, 0) << started.errors;
 }
 
 TEST(Program, the_same_job_gives_the_same_bytes_for_any_number_of_threads) {

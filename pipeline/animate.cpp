@@ -59,22 +59,25 @@ class FrameAnswers {
   /// The first frame that `frame` depends on.
   int first_needed(int frame) const { return preview_ ? frame : frame / chunk_ * chunk_; }
 
-  FrameReport answer(int frame, const Pose& pose) {
-    if (preview_) return {.converged = true};
+  /// Positions are left alone where `frame` is not `wanted`, but needed by a later one.
+  FrameReport answer(int frame, const Pose& pose, bool wanted, Field3& positions) {
+    if (preview_) return timed_preview(pose, positions);
     if (frame % chunk_ == 0) solver_->forget();
-    return solver_->solve(pose);
-  }
-
-  /// Of the frame answered last.
-  void read_positions(const Pose& pose, Field3& positions, FrameReport& report) {
-    if (!preview_) return solver_->read_positions(positions);
-    const auto begin = std::chrono::steady_clock::now();
-    preview_->answer(pose, positions);
-    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
-    report.milliseconds[static_cast<int>(FrameStage::start)] = took.count();
+    const FrameReport report = solver_->solve(pose);
+    if (wanted) solver_->read_positions(positions);
+    return report;
   }
 
  private:
+  FrameReport timed_preview(const Pose& pose, Field3& positions) {
+    const auto begin = std::chrono::steady_clock::now();
+    preview_->answer(pose, positions);
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
+    FrameReport report{.converged = true};
+    report.milliseconds[static_cast<int>(FrameStage::start)] = took.count();
+    return report;
+  }
+
   int chunk_;
   std::optional<FrameSolver> solver_;
   std::optional<Preview> preview_;
@@ -164,9 +167,9 @@ void animate(const Rig& rig, const Motion& motion, const AnimateOptions& options
     check_pose(rig, motion, frame);
     FrameResult result;
     result.frame = frame;
-    result.report = answers.answer(frame, motion.poses[frame]);
-    if (frame < options.first_frame) continue;
-    answers.read_positions(motion.poses[frame], positions, result.report);
+    const bool wanted = frame >= options.first_frame;
+    result.report = answers.answer(frame, motion.poses[frame], wanted, positions);
+    if (!wanted) continue;
     result.positions = &positions;
     if (rest_volume != 0.0) {
       result.volume_ratio = enclosed_volume(rig.mesh, positions) / rest_volume;

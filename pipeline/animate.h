@@ -36,13 +36,14 @@ struct AnimateOptions {
 struct FrameResult {
   int frame = 0;                        ///< of the motion
   const Field3* positions = nullptr;    ///< vertex_count x 3, in the order of Rig::mesh
-  FrameReport report;                   ///< of a preview: how long it took, and no solves
+  FrameReport report;                   ///< of a preview: its time, as FrameStage::start, and no solves
   double volume_ratio = 1.0;            ///< enclosed volume over the rest one
   double farthest_from_skeleton = 0.0;  ///< of any vertex, as a share of the rest body's height
 };
 
-/// Solves the frames and calls `sink` for each, in order, from the calling thread. A sink that
-/// returns false stops the run. Throws UnusableInput naming the frame when a pose is not finite.
+/// Solves or previews the frames and calls `sink` for each, in order, from the calling thread. A sink that
+/// returns false stops the run. Throws UnusableInput naming the frame when a pose is not finite, and
+/// std::invalid_argument for frames beyond the motion and for previews of a rig without a subspace of its surface.
 void animate(const Rig& rig, const Motion& motion, const AnimateOptions& options, ThreadTeam& team,
              const std::function<bool(const FrameResult&)>& sink);
 

@@ -45,8 +45,8 @@ const char* stage_name(FrameStage stage);
 struct FrameReport {
   int solves = 0;
   int cycles = 0;          ///< over all solves of the frame
-  int full_cycles = 0;     ///< those of them that were of full multigrid (Reach::far)
-  int light_cycles = 0;    ///< those that were V-cycles with half the smoothing (Reach::light)
+  int full_cycles = 0;     ///< those of them asked of Reach::far: with multigrid, of full multigrid
+  int light_cycles = 0;    ///< those asked of Reach::light: V-cycles with half the smoothing
   double error = 0.0;      ///< estimated largest error of any node, of the worst solve, share of the diagonal
   double residual = 0.0;   ///< |b - A x| / |b| of the last solve, if measured
   bool converged = false;  ///< every solve reached the tolerance

@@ -13,9 +13,7 @@ namespace {
 constexpr int kBlocksAtOnce = 16;
 
 const Subspace& surface_subspace(const Rig& rig) {
-  const auto on_surface = [&](int node) { return node < rig.volume.surface_count; };
-  if (!rig.subspace || rig.subspace->row_count() != rig.volume.surface_count ||
-      !std::ranges::all_of(rig.subspace->nodes(), on_surface)) {
+  if (!rig.subspace || rig.subspace->of() != SubspaceOf::surface) {
     throw std::invalid_argument("Preview: the rig has no subspace of its surface");
   }
   return *rig.subspace;

@@ -32,18 +32,6 @@ FreeNodes find_free_nodes(const VolumeGraph& volume, const Binding& binding) {
   return order_free_nodes(volume.graph, constrained);
 }
 
-/// Vertices next to each other in the solver's order first, then those that are not solved for.
-std::vector<int> surface_in_order(const Rig& rig) {
-  std::vector<int> nodes;
-  for (const int node : rig.node_of_free) {
-    if (node < rig.volume.surface_count) nodes.push_back(node);
-  }
-  for (int node = 0; node < rig.volume.surface_count; ++node) {
-    if (rig.free_of_node[node] < 0) nodes.push_back(node);
-  }
-  return nodes;
-}
-
 void append(std::vector<std::string>& all, const std::vector<std::string>& some) {
   all.insert(all.end(), some.begin(), some.end());
 }
@@ -116,8 +104,7 @@ Rig build_rig(const TriMesh& mesh, const RigSkeleton& skeleton, const RigOptions
   }
   if (options.subspace != SubspaceOf::nothing) {
     const auto timer = rig.timing.time("subspace");
-    rig.subspace.emplace(skeleton, rig.volume, rig.binding, rig.harmonics, rig.free_of_node, rig.solver.get(),
-                         options.subspace == SubspaceOf::surface ? surface_in_order(rig) : rig.node_of_free, team);
+    rig.subspace.emplace(rig, options.subspace, team);
   }
   append(rig.warnings, rig.volume.warnings);
   append(rig.warnings, rig.binding.warnings);

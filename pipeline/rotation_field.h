@@ -63,6 +63,11 @@ class PoseRotations {
   std::span<const PlaceRange> ranges() const { return ranges_; }
   std::span<const Eigen::Vector4f> table() const { return table_; }
 
+  /// The rotation at a place in the pose read.
+  Eigen::Matrix3d matrix_at(int place) const {
+    return Eigen::Quaternionf(table_[place]).cast<double>().normalized().toRotationMatrix();
+  }
+
   /// Whether every scale is one, so that blend_scale() need not be asked.
   bool rigid() const { return rigid_; }
 

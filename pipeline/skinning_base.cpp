@@ -61,14 +61,12 @@ Eigen::Vector4f SkinningBase::at(std::span<const BlendTerm> terms, const Eigen::
 
 void SkinningBase::read(const Pose& pose, const PoseRotations& rotations,
                         Eigen::VectorXf& coordinates) const {
-  const std::span<const Eigen::Vector4f> table = rotations.table();
   for (const PlaceRange& range : rotations.ranges()) {
     const double scale = pose.scales[range.joint];
     const Eigen::Vector3d arm = (center_ - rig_.skeleton.joints[range.joint].position) / diagonal_;
     const Eigen::Vector3d joint = (pose.positions[range.joint] - pose.positions.front()) / diagonal_;
     for (int place = range.first; place < range.first + range.count; ++place) {
-      const Eigen::Matrix3d turn =
-          scale * Eigen::Quaternionf(table[place]).cast<double>().normalized().toRotationMatrix();
+      const Eigen::Matrix3d turn = scale * rotations.matrix_at(place);
       Eigen::Map<Eigen::Matrix4f> matrix(coordinates.data() + kPerPlace * place);
       matrix.setZero();
       matrix.topLeftCorner<3, 3>() = turn.cast<float>();

@@ -44,7 +44,7 @@ double later_cycles(double error, double tolerance) {
 
 /// The subspace that a start of this kind uses, if any.
 const Subspace* foreseeing_subspace(const Rig& rig, Start start) {
-  const bool there = rig.subspace && rig.subspace->nodes() == rig.node_of_free;
+  const bool there = rig.subspace && rig.subspace->of() == SubspaceOf::free_nodes;
   if (start == Start::subspace && !there) {
     throw std::invalid_argument(
         "FrameSolver: the start is the subspace's; the rig has none of its free nodes");

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "pipeline/rig.h"
 #include "pipeline/rotation_field.h"
 
 namespace sinew {
@@ -41,6 +42,18 @@ std::array<double, 3> parabolas(double t) {
   return {2.0 * (t - 0.5) * (t - 1.0), 4.0 * t * (1.0 - t), 2.0 * t * (t - 0.5)};
 }
 
+/// Vertices next to each other in the solver's order first, then those that are not solved for.
+std::vector<int> surface_in_order(const Rig& rig) {
+  std::vector<int> nodes;
+  for (const int node : rig.node_of_free) {
+    if (node < rig.volume.surface_count) nodes.push_back(node);
+  }
+  for (int node = 0; node < rig.volume.surface_count; ++node) {
+    if (rig.free_of_node[node] < 0) nodes.push_back(node);
+  }
+  return nodes;
+}
+
 typedef float Wide __attribute__((vector_size(64), may_alias));
 constexpr int kLanes = 16;
 
@@ -49,22 +62,21 @@ constexpr int kLanes = 16;
 /// Works the modes out, and forgets what only that needs.
 class Subspace::Builder {
  public:
-  Builder(Subspace& subspace, const RigSkeleton& skeleton, const VolumeGraph& volume, const Binding& binding,
-          const HarmonicFields& fields, std::span<const int> free_of_node, ThreadTeam& team)
-      : subspace_(subspace),
-        skeleton_(skeleton),
-        volume_(volume),
-        binding_(binding),
-        free_of_node_(free_of_node),
-        team_(team),
-        rotations_(skeleton, binding) {
-    number_free_nodes();
+  Builder(Subspace& subspace, const Rig& rig, ThreadTeam& team)
+      : subspace_(subspace), rig_(rig), team_(team), rotations_(rig.skeleton, rig.binding) {
+    held_of_node_.assign(rig.volume.node_count(), -1);
+    for (int node = 0; node < rig.volume.node_count(); ++node) {
+      if (rig.free_of_node[node] >= 0) continue;
+      held_of_node_[node] = static_cast<int>(held_.size());
+      held_.emplace_back();
+    }
     choose_matrices();
-    share_matrices(fields);
+    share_matrices();
     hold_nodes();
   }
 
-  std::vector<Entry> solve(const LinearSolver* solver) {
+  std::vector<Entry> solve() {
+    const LinearSolver* const solver = rig_.solver.get();  // null where no node is free
     std::vector<Entry> entries;
     const int modes = subspace_.mode_count();
     std::unique_ptr<SolverWorkspace> workspace;
@@ -72,10 +84,11 @@ class Subspace::Builder {
     for (int first = 0; first < modes; first += kModesAtOnce) {
       const int count = std::min(kModesAtOnce, modes - first);
       const Columns held = held_values(first, count);
-      Columns x = Columns::Zero(static_cast<Eigen::Index>(node_of_free_.size()), count);
+      Columns x = Columns::Zero(static_cast<Eigen::Index>(rig_.node_of_free.size()), count);
       if (solver != nullptr) {
         const Columns b = right_hand_sides(first, count, held);
-        solver->solve(b, x, {.tolerance = kModeTolerance, .max_cycles = kMostCycles, .from_zero = true}, *workspace);
+        solver->solve(b, x, {.tolerance = kModeTolerance, .max_cycles = kMostCycles, .from_zero = true},
+                      *workspace);
       }
       append(first, held, x, entries);
     }
@@ -87,52 +100,38 @@ class Subspace::Builder {
     int column = 0;  ///< a matrix, or a mode
     double value = 0.0;
   };
+  struct BonePlaces {
+    PlaceRange range;
+    int matrix = 0;  ///< the first of the bone's
+  };
 
-  void number_free_nodes() {
-    held_of_node_.assign(free_of_node_.size(), -1);
-    for (int node = 0; node < volume_.node_count(); ++node) {
-      const int free = free_of_node_[node];
-      if (free < 0) {
-        held_of_node_[node] = static_cast<int>(held_.size());
-        held_.emplace_back();
-        continue;
-      }
-      node_of_free_.resize(std::max(node_of_free_.size(), static_cast<std::size_t>(free) + 1));
-      node_of_free_[free] = node;
-    }
-  }
+  static bool twists(const PlaceRange& range) { return range.count > 2; }
 
-  Eigen::Vector3d rest(int node) const { return volume_.rest_positions.row(node).transpose(); }
+  Eigen::Vector3d rest(int node) const { return rig_.volume.rest_positions.row(node).transpose(); }
 
   void choose_matrices() {
+    matrix_of_joint_.assign(rig_.skeleton.joint_count(), -1);
     for (const PlaceRange& range : rotations_.ranges()) {
-      const int first = static_cast<int>(subspace_.matrices_.size());
-      matrix_of_place_.resize(range.first + range.count, first);
-      last_place_.resize(range.first + range.count, range.first + range.count - 1);
-      first_place_.resize(range.first + range.count, range.first);
-      const bool twists = range.count > 2;
-      for (std::size_t knot = 0; knot < (twists ? kKnots.size() : 1); ++knot) {
+      bone_of_place_.resize(range.first + range.count, {range, static_cast<int>(subspace_.matrices_.size())});
+      matrix_of_joint_[range.joint] = bone_of_place_.back().matrix;
+      for (std::size_t knot = 0; knot < (twists(range) ? kKnots.size() : 1); ++knot) {
         const int step = static_cast<int>(std::lround(kKnots[knot] * (range.count - 1)));
         subspace_.matrices_.push_back({range.joint, range.first + step});
       }
-      matrix_of_joint_.resize(std::max(matrix_of_joint_.size(), static_cast<std::size_t>(range.joint) + 1),
-                              -1);
-      matrix_of_joint_[range.joint] = first;
     }
-    axis_of_joint_.assign(skeleton_.joint_count(), Eigen::Vector3d::Zero());
-    for (const Bone& bone : binding_.bones) {
+    axis_of_joint_.assign(rig_.skeleton.joint_count(), Eigen::Vector3d::Zero());
+    for (const Bone& bone : rig_.binding.bones) {
       if (bone.twists) axis_of_joint_[bone.joint] = bone.axis;
     }
-    own_matrix_.assign(skeleton_.joint_count(), -1);
+    own_matrix_.assign(rig_.skeleton.joint_count(), -1);
   }
 
   /// The matrix that turns `arm` as the joint turns it. A twisting bone's near end lacks the bone's own
   /// twist, which matters only away from its axis: then the joint's own rotation becomes a matrix.
   int matrix_turning(int joint, const Eigen::Vector3d& arm) {
     const Eigen::Vector3d& axis = axis_of_joint_[joint];
-    const bool twists = axis.squaredNorm() > 0.0;
     const bool off_axis = (arm - axis.dot(arm) * axis).norm() > kOnAxis * subspace_.diagonal_;
-    if (!twists || !off_axis) return matrix_of_joint_[joint];
+    if (axis.isZero(0.0) || !off_axis) return matrix_of_joint_[joint];
     if (own_matrix_[joint] < 0) {
       own_matrix_[joint] = static_cast<int>(subspace_.matrices_.size());
       subspace_.matrices_.push_back({joint, -1});
@@ -141,30 +140,31 @@ class Subspace::Builder {
   }
 
   /// How much every node listens to every matrix.
-  void share_matrices(const HarmonicFields& fields) {
+  void share_matrices() {
+    const HarmonicFields& fields = rig_.harmonics;
     std::vector<BlendTerm> terms;
     share_offsets_.push_back(0);
-    for (int node = 0; node < volume_.node_count(); ++node) {
+    for (int node = 0; node < rig_.volume.node_count(); ++node) {
       const int begin = fields.offsets[node];
       terms.clear();
       rotations_.append_terms(&fields.fields[begin], &fields.weights[begin], fields.offsets[node + 1] - begin,
                               terms);
-      for (const BlendTerm& term : terms) {
-        const int matrix = matrix_of_place_[term.place];
-        const int first = first_place_[term.place];
-        const int last = last_place_[term.place];
-        const double share = static_cast<double>(term.below) + static_cast<double>(term.above);
-        if (last == first + 1) {
-          shares_.push_back({matrix, share});
-          continue;
-        }
-        const double t = (term.place - first + term.above / share) / (last - first);
-        const std::array<double, 3> at_knots = parabolas(t);
-        for (std::size_t knot = 0; knot < kKnots.size(); ++knot) {
-          shares_.push_back({matrix + static_cast<int>(knot), share * at_knots[knot]});
-        }
-      }
+      for (const BlendTerm& term : terms) share_term(term);
       share_offsets_.push_back(static_cast<int>(shares_.size()));
+    }
+  }
+
+  void share_term(const BlendTerm& term) {
+    const auto& [range, matrix] = bone_of_place_[term.place];
+    const double share = static_cast<double>(term.below) + static_cast<double>(term.above);
+    if (!twists(range)) {
+      shares_.push_back({matrix, share});
+      return;
+    }
+    const double t = (term.place - range.first + term.above / share) / (range.count - 1);
+    const std::array<double, 3> at_knots = parabolas(t);
+    for (std::size_t knot = 0; knot < kKnots.size(); ++knot) {
+      shares_.push_back({matrix + static_cast<int>(knot), share * at_knots[knot]});
     }
   }
 
@@ -186,17 +186,17 @@ class Subspace::Builder {
   void hold_nodes() {
     const double unit = 1.0 / subspace_.diagonal_;
     const auto joint_rest = [&](int joint) -> const Eigen::Vector3d& {
-      return skeleton_.joints[joint].position;
+      return rig_.skeleton.joints[joint].position;
     };
-    for (const SphereConstraint& sphere : binding_.spheres) {
+    for (const SphereConstraint& sphere : rig_.binding.spheres) {
       std::vector<Share>& to = held(sphere.node);
       to.push_back({column_of_joint(sphere.joint), 1.0});
       const Eigen::Vector3d arm = unit * (rest(sphere.node) - joint_rest(sphere.joint));
       for (const Share& share : shares(sphere.node)) add_arm(share.column, arm, share.value, to);
     }
-    for (const CoreConstraint& core : binding_.cores) {
+    for (const CoreConstraint& core : rig_.binding.cores) {
       std::vector<Share>& to = held(core.node);
-      const int joint = binding_.bones[core.bone].joint;
+      const int joint = rig_.binding.bones[core.bone].joint;
       Eigen::Vector3d arm = core.foot - joint_rest(joint);
       to.push_back({column_of_joint(joint), 1.0});
       if (core.end_joint >= 0) {
@@ -208,9 +208,9 @@ class Subspace::Builder {
       const Eigen::Vector3d from_foot = unit * (rest(core.node) - core.foot);
       for (const Share& share : shares(core.node)) add_arm(share.column, from_foot, share.value, to);
     }
-    for (const auto& [node, bone] : binding_.glued) {
+    for (const auto& [node, bone] : rig_.binding.glued) {
       std::vector<Share>& to = held(node);
-      const int joint = binding_.bones[bone].joint;
+      const int joint = rig_.binding.bones[bone].joint;
       const Eigen::Vector3d arm = rest(node) - joint_rest(joint);
       to.push_back({column_of_joint(joint), 1.0});
       add_arm(matrix_turning(joint, arm), unit * arm, 1.0, to);
@@ -238,14 +238,14 @@ class Subspace::Builder {
     const int matrix_count =
         std::min((first + count - 1) / kPerMatrix + 1, static_cast<int>(subspace_.matrices_.size())) -
         first_matrix;
-    Columns listening = Columns::Zero(volume_.node_count(), std::max(matrix_count, 0));
-    for (int node = 0; node < volume_.node_count(); ++node) {
+    Columns listening = Columns::Zero(rig_.volume.node_count(), std::max(matrix_count, 0));
+    for (int node = 0; node < rig_.volume.node_count(); ++node) {
       for (const Share& share : shares(node)) {
         const int column = share.column - first_matrix;
         if (column >= 0 && column < matrix_count) listening(node, column) += share.value;
       }
     }
-    const int free_count = static_cast<int>(node_of_free_.size());
+    const int free_count = static_cast<int>(rig_.node_of_free.size());
     Columns b = Columns::Zero(free_count, count);
     team_.for_each_block((free_count + kNodesAtOnce - 1) / kNodesAtOnce, [&](int block) {
       const int end = std::min(free_count, (block + 1) * kNodesAtOnce);
@@ -255,8 +255,8 @@ class Subspace::Builder {
   }
 
   void add_row(int free, int first, const Columns& held, const Columns& listening, Columns& b) const {
-    const Graph& graph = volume_.graph;
-    const int node = node_of_free_[free];
+    const Graph& graph = rig_.volume.graph;
+    const int node = rig_.node_of_free[free];
     const int first_matrix = first / kPerMatrix;
     const int joints_begin = kPerMatrix * static_cast<int>(subspace_.matrices_.size());
     const int columns = static_cast<int>(b.cols());
@@ -286,7 +286,7 @@ class Subspace::Builder {
         float largest = 0.0f;
         for (int row = 0; row < rows; ++row) {
           const int node = subspace_.nodes_[begin + row];
-          const int free = free_of_node_[node];
+          const int free = rig_.free_of_node[node];
           const double value = free >= 0 ? x(free, column) : held(held_of_node_[node], column);
           entry.values.of_row[row] = static_cast<float>(value);
           largest = std::max(largest, std::abs(entry.values.of_row[row]));
@@ -297,18 +297,12 @@ class Subspace::Builder {
   }
 
   Subspace& subspace_;
-  const RigSkeleton& skeleton_;
-  const VolumeGraph& volume_;
-  const Binding& binding_;
-  std::span<const int> free_of_node_;
+  const Rig& rig_;
   ThreadTeam& team_;
   PoseRotations rotations_;
 
-  std::vector<int> node_of_free_;
-  std::vector<int> held_of_node_;     // -1 where free
-  std::vector<int> matrix_of_place_;  // the first of its bone
-  std::vector<int> first_place_;      // of its bone
-  std::vector<int> last_place_;
+  std::vector<int> held_of_node_;  // -1 where free
+  std::vector<BonePlaces> bone_of_place_;
   std::vector<int> matrix_of_joint_;            // the first of its bone, -1: none
   std::vector<int> own_matrix_;                 // per joint; -1: none
   std::vector<Eigen::Vector3d> axis_of_joint_;  // zero: does not twist
@@ -317,15 +311,13 @@ class Subspace::Builder {
   std::vector<std::vector<Share>> held_;  // per held node
 };
 
-Subspace::Subspace(const RigSkeleton& skeleton, const VolumeGraph& volume, const Binding& binding,
-                   const HarmonicFields& fields, std::span<const int> free_of_node,
-                   const LinearSolver* solver, std::vector<int> nodes, ThreadTeam& team)
-    : diagonal_(rest_diagonal(volume)),
-      row_count_(static_cast<int>(nodes.size())),
-      joint_count_(skeleton.joint_count()),
-      nodes_(std::move(nodes)) {
-  Builder builder(*this, skeleton, volume, binding, fields, free_of_node, team);
-  keep(builder.solve(solver));
+Subspace::Subspace(const Rig& rig, SubspaceOf of, ThreadTeam& team)
+    : of_(of),
+      diagonal_(rest_diagonal(rig.volume)),
+      joint_count_(rig.skeleton.joint_count()),
+      nodes_(of == SubspaceOf::surface ? surface_in_order(rig) : rig.node_of_free) {
+  row_count_ = static_cast<int>(nodes_.size());
+  keep(Builder(*this, rig, team).solve());
 }
 
 Subspace::Subspace(const Subspace& all, std::span<const int> rows)
@@ -366,16 +358,12 @@ void Subspace::keep(const std::vector<Entry>& entries) {
 }
 
 void Subspace::read(const Pose& pose, const PoseRotations& rotations, Eigen::VectorXf& coordinates) const {
-  const std::span<const Eigen::Vector4f> table = rotations.table();
   Eigen::Map<Eigen::Matrix3Xf> columns(coordinates.data(), 3, mode_count());
   int mode = 0;
   for (const Matrix& matrix : matrices_) {
-    const Eigen::Quaterniond turn =
-        matrix.place < 0
-            ? pose.rotations[matrix.joint]
-            : Eigen::Quaterniond(Eigen::Quaternionf(table[matrix.place]).cast<double>().normalized());
-    columns.middleCols<kPerMatrix>(mode) =
-        (pose.scales[matrix.joint] * turn.toRotationMatrix()).cast<float>();
+    const Eigen::Matrix3d turn = matrix.place < 0 ? pose.rotations[matrix.joint].toRotationMatrix()
+                                                  : rotations.matrix_at(matrix.place);
+    columns.middleCols<kPerMatrix>(mode) = (pose.scales[matrix.joint] * turn).cast<float>();
     mode += kPerMatrix;
   }
   for (int joint = 0; joint < joint_count_; ++joint) {

@@ -4,17 +4,15 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/binding.h"
-#include "pipeline/harmonic_fields.h"
-#include "pipeline/volume_graph.h"
 #include "skeleton/pose.h"
+#include "solver/field.h"
 #include "solver/large_pages.h"
-#include "solver/linear_solver.h"
 #include "solver/thread_team.h"
 
 namespace sinew {
 
 class PoseRotations;
+struct Rig;
 
 /// Which nodes a subspace answers for.
 enum class SubspaceOf {
@@ -47,22 +45,23 @@ class Subspace {
   /// Rows evaluated together.
   static constexpr int kBlock = 64;
 
-  /// Solves the modes for `nodes`, some of a rig's nodes, and keeps one row for each, in their order; an
-  /// order in which neighbors are near each other keeps it small. `solver` is the rig's solver of the free
-  /// nodes, null where there are none. Costs one solve a mode, eight at a time.
-  Subspace(const RigSkeleton& skeleton, const VolumeGraph& volume, const Binding& binding,
-           const HarmonicFields& fields, std::span<const int> free_of_node, const LinearSolver* solver,
-           std::vector<int> nodes, ThreadTeam& team);
+  /// Solves the modes of a rig that is whole but for its subspace, and keeps a row for each node of
+  /// `of`, in an order in which neighbors are near each other. Keeps no reference. Costs one solve a mode,
+  /// eight at a time.
+  Subspace(const Rig& rig, SubspaceOf of, ThreadTeam& team);
 
   /// The same modes for some of the rows of `all`, as those of no particular nodes.
   Subspace(const Subspace& all, std::span<const int> rows);
+
+  /// SubspaceOf::nothing for some rows of another.
+  SubspaceOf of() const { return of_; }
 
   int row_count() const { return row_count_; }
   int block_count() const { return (row_count_ + kBlock - 1) / kBlock; }
   int mode_count() const { return kPerMatrix * static_cast<int>(matrices_.size()) + joint_count_; }
   /// Three a mode.
   int coordinate_count() const { return 3 * mode_count(); }
-  /// The node of each row.
+  /// The node of each row; empty for some rows of another. Those of free_nodes are Rig::node_of_free.
   const std::vector<int>& nodes() const { return nodes_; }
 
   /// What a pose asks of the modes. `rotations` has read the pose; `coordinates` has coordinate_count()
@@ -96,6 +95,7 @@ class Subspace {
 
   void keep(const std::vector<Entry>& entries);
 
+  SubspaceOf of_ = SubspaceOf::nothing;
   double diagonal_ = 1.0;
   int row_count_ = 0;
   int joint_count_ = 0;

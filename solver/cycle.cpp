@@ -241,15 +241,6 @@ inline void interpolate_piece(const PieceTransfer& P, int piece, const typename 
   }
 }
 
-// Loops over [0, count) in runs fixed by the count.
-template <typename Body>
-void for_runs(ThreadTeam& team, int count, int smallest, const Body& body) {
-  const int blocks = even_block_count(count, smallest);
-  team.for_each_block(blocks, [&](int block) {
-    body(even_block_begin(count, blocks, block), even_block_begin(count, blocks, block + 1));
-  });
-}
-
 template <int kWidth>
 void gather_corner_sums(const PieceTransfer& P, const typename Lanes<kWidth>::Float* sums,
                         typename Lanes<kWidth>::Float* coarse, int begin, int end) {

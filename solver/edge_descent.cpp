@@ -10,16 +10,6 @@ constexpr int kRowsPerBlock = 2048;
 
 using Float = Lanes<4>::Float;
 
-// Calls body(row) for every row, in blocks fixed by the count.
-template <typename Body>
-void for_rows(ThreadTeam& team, int count, const Body& body) {
-  const int blocks = even_block_count(count, kRowsPerBlock);
-  team.for_each_block(blocks, [&](int block) {
-    const int end = even_block_begin(count, blocks, block + 1);
-    for (int row = even_block_begin(count, blocks, block); row < end; ++row) body(row);
-  });
-}
-
 Float single(const Field3& field, int row) {
   return Float{static_cast<float>(field(row, 0)), static_cast<float>(field(row, 1)),
                static_cast<float>(field(row, 2)), 0.0f};
@@ -29,7 +19,7 @@ Float single(const Field3& field, int row) {
 template <typename Wanted>
 void descend_targets(const EdgeDescent& descent, int coarse_entries, const Wanted& wanted, ThreadTeam& team,
                      Float* coarse_wanted) {
-  for_rows(team, coarse_entries, [&](int entry) {
+  for_items(team, coarse_entries, kRowsPerBlock, [&](int entry) {
     Float sum{};
     for (int path = descent.path_offsets[entry]; path < descent.path_offsets[entry + 1]; ++path) {
       Float along = wanted(descent.first_entries[path]);
@@ -44,7 +34,7 @@ void descend_targets(const EdgeDescent& descent, int coarse_entries, const Wante
 template <typename Wanted>
 void descend_beta(const EdgeDescent& descent, const LevelMatrix& fine, const Wanted& wanted,
                   const Float* beta, ThreadTeam& team, Float* coarse_beta) {
-  for_rows(team, static_cast<int>(descent.fine_of_coarse.size()), [&](int coarse_node) {
+  for_items(team, static_cast<int>(descent.fine_of_coarse.size()), kRowsPerBlock, [&](int coarse_node) {
     const int node = descent.fine_of_coarse[coarse_node];
     Float sum = beta[node];
     for (int k = fine.offsets[node]; k < fine.offsets[node + 1]; ++k) {
@@ -59,7 +49,7 @@ void descend_beta(const EdgeDescent& descent, const LevelMatrix& fine, const Wan
 template <typename Wanted>
 void gather_right_hand_side(const LevelMatrix& matrix, const Wanted& wanted, const Float* beta,
                             ThreadTeam& team, Float* b) {
-  for_rows(team, matrix.size(), [&](int i) {
+  for_items(team, matrix.size(), kRowsPerBlock, [&](int i) {
     Float sum = beta[i];
     for (int k = matrix.offsets[i]; k < matrix.offsets[i + 1]; ++k) sum += matrix.weight(k) * wanted(k);
     b[i] = sum;
@@ -70,7 +60,7 @@ void gather_right_hand_side(const LevelMatrix& matrix, const Wanted& wanted, con
 template <typename Wanted>
 void interpolate_along_edges(const EdgeDescent& descent, const LevelMatrix& fine, const Wanted& wanted,
                              const Float* beta, const Float* coarse_x, ThreadTeam& team, Float* x) {
-  for_rows(team, fine.size(), [&](int i) {
+  for_items(team, fine.size(), kRowsPerBlock, [&](int i) {
     if (descent.coarse_of_fine[i] >= 0) {
       x[i] = coarse_x[descent.coarse_of_fine[i]];
       return;
@@ -107,7 +97,8 @@ void full_cycle_along_edges(const Hierarchy::Members& hierarchy, const EdgeTarge
                             EdgeMemory& memory, Cycle<4>& cycle) {
   const int last = static_cast<int>(hierarchy.matrices.size()) - 1;
   const auto beta = [&](int level) { return memory.beta[level].as<Float>(); };
-  for_rows(team, hierarchy.matrices[0].size(), [&](int i) { beta(0)[i] = single(targets.beta, i); });
+  for_items(team, hierarchy.matrices[0].size(), kRowsPerBlock,
+            [&](int i) { beta(0)[i] = single(targets.beta, i); });
   for (int level = 0; level <= last; ++level)
     with_wanted(targets, memory, level, [&](const auto& wanted) {
       gather_right_hand_side(hierarchy.matrices[level], wanted, beta(level), team,

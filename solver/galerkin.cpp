@@ -42,16 +42,13 @@ FineNodes by_fine_node(const PieceTransfer& transfer, ThreadTeam& team) {
   FineNodes fine;
   fine.piece.resize(transfer.nodes.size());
   fine.weights.resize(transfer.nodes.size());
-  const int blocks = even_block_count(transfer.piece_count(), fewest_pieces);
-  team.for_each_block(blocks, [&](int block) {
-    const int end = even_block_begin(transfer.piece_count(), blocks, block + 1);
-    for (int p = even_block_begin(transfer.piece_count(), blocks, block); p < end; ++p)
-      for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
-        const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
-        fine.piece[node] = p;
-        trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
-                          reinterpret_cast<float*>(&fine.weights[node]));
-      }
+  for_items(team, transfer.piece_count(), fewest_pieces, [&](int p) {
+    for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
+      const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
+      fine.piece[node] = p;
+      trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
+                        reinterpret_cast<float*>(&fine.weights[node]));
+    }
   });
   return fine;
 }

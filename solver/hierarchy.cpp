@@ -43,13 +43,10 @@ LevelMatrix level_matrix(const LinearSystem& system, ThreadTeam& team) {
     matrix.weights.assign(graph.weights.begin(), graph.weights.end());
   const int n = graph.node_count();
   matrix.diagonal.resize(static_cast<std::size_t>(n));
-  const int blocks = even_block_count(n, kRowsPerBlock);
-  team.for_each_block(blocks, [&](int block) {
-    for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
-      double diagonal = system.anchor[i];
-      for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k) diagonal += graph.weights[k];
-      matrix.diagonal[i] = static_cast<float>(diagonal);
-    }
+  for_items(team, n, kRowsPerBlock, [&](int i) {
+    double diagonal = system.anchor[i];
+    for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k) diagonal += graph.weights[k];
+    matrix.diagonal[i] = static_cast<float>(diagonal);
   });
   finish_level(matrix);
   return matrix;

@@ -6,7 +6,7 @@
 
 namespace sinew {
 
-/// Memory for arrays that are walked out of order. From some megabytes on it asks the system for large pages,
+/// Memory for arrays that are walked out of order. From 2 MB on it asks the system for large pages,
 /// of which a walk meets five hundred times fewer: fewer to look up, and fewer to be given one by one
 /// when the array is first written. Aligned to 128 bytes at least. Throws std::bad_alloc.
 void* allocate_in_large_pages(std::size_t bytes);

@@ -23,16 +23,6 @@ CellKey key_of(const Cell& cell) {
   return (static_cast<CellKey>(cell[0]) << 42) | (static_cast<CellKey>(cell[1]) << 21) | cell[2];
 }
 
-// Calls body(item) for every item, in blocks fixed by the count.
-template <typename Body>
-void for_items(ThreadTeam& team, int count, const Body& body) {
-  const int blocks = even_block_count(count, kItemsPerBlock);
-  team.for_each_block(blocks, [&](int block) {
-    const int end = even_block_begin(count, blocks, block + 1);
-    for (int item = even_block_begin(count, blocks, block); item < end; ++item) body(item);
-  });
-}
-
 constexpr int kCorners = 8;
 
 int corner_offset(int corner, int axis) {
@@ -190,7 +180,7 @@ void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const 
 // equation: leave it out.
 std::vector<char> corners_in_use(const PieceTransfer& transfer, DisjointSets& corners, ThreadTeam& team) {
   std::vector<char> reached(static_cast<std::size_t>(transfer.piece_count()) * kCorners, 0);
-  for_items(team, transfer.piece_count(), [&](int p) {
+  for_items(team, transfer.piece_count(), kItemsPerBlock, [&](int p) {
     float weights[kCorners];
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], weights);
@@ -313,7 +303,7 @@ PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& posi
   const Eigen::RowVector3d origin = positions.colwise().minCoeff();
   LargeVector<Cell> cell_of_node(static_cast<std::size_t>(n));
   LargeVector<CellKey> key_of_node(static_cast<std::size_t>(n));
-  for_items(team, n, [&](int i) {
+  for_items(team, n, kItemsPerBlock, [&](int i) {
     for (int axis = 0; axis < 3; ++axis)
       cell_of_node[i][axis] = static_cast<int>((positions(i, axis) - origin[axis]) / cell);
     key_of_node[i] = key_of(cell_of_node[i]);
@@ -325,7 +315,7 @@ PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& posi
   transfer.linear = true;
   group_nodes(pieces.of_node, static_cast<int>(pieces.cells.size()), transfer);
   transfer.places.resize(3 * static_cast<std::size_t>(n));
-  for_items(team, n, [&](int entry) {
+  for_items(team, n, kItemsPerBlock, [&](int entry) {
     const int node = transfer.nodes[entry];
     for (int axis = 0; axis < 3; ++axis)
       transfer.places[3 * static_cast<std::size_t>(entry) + axis] =

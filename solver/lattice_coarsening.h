@@ -13,7 +13,7 @@ struct PieceCoarsening {
   Field3 positions;  ///< of the coarse nodes, n_coarse x 3, in units of the lattice cell (a fresh origin)
 };
 
-/// Mean distance between neighbors; 0 for a graph without edges. The same for any team.
+/// Mean distance between neighbors, of some ten thousands of evenly spread nodes in a larger graph; 0 for a graph without edges. The same for any team.
 double mean_edge_length(const LevelMatrix& matrix, const Field3& positions, ThreadTeam& team);
 
 /// Cells a lattice may have along an axis: beyond, the coarsening is left to the aggregates.

@@ -15,14 +15,11 @@ LargeVector<ShortRow<Step>> rows_of(std::span<const int> offsets, std::span<cons
                                     ThreadTeam& team) {
   const int n = static_cast<int>(offsets.size()) - 1;
   LargeVector<ShortRow<Step>> rows(static_cast<std::size_t>(n));
-  const int blocks = even_block_count(n, kRowsPerBlock);
-  team.for_each_block(blocks, [&](int block) {
-    for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
-      const int count = std::min(kShortRow, offsets[i + 1] - offsets[i]);
-      for (int k = 0; k < count; ++k) rows[i].steps[k] = static_cast<Step>(neighbors[offsets[i] + k] - i);
-      std::fill(rows[i].steps + count, rows[i].steps + kShortRow, Step{0});
-      rows[i].own = static_cast<float>(count - kShortRow);
-    }
+  for_items(team, n, kRowsPerBlock, [&](int i) {
+    const int count = std::min(kShortRow, offsets[i + 1] - offsets[i]);
+    for (int k = 0; k < count; ++k) rows[i].steps[k] = static_cast<Step>(neighbors[offsets[i] + k] - i);
+    std::fill(rows[i].steps + count, rows[i].steps + kShortRow, Step{0});
+    rows[i].own = static_cast<float>(count - kShortRow);
   });
   return rows;
 }

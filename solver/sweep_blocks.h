@@ -3,6 +3,8 @@
 #include <span>
 #include <vector>
 
+#include "solver/thread_team.h"
+
 /// Internal to solver/.
 namespace sinew {
 
@@ -15,6 +17,23 @@ std::vector<int> sweep_blocks(std::span<const int> offsets, std::span<const int>
 int even_block_count(int count, int smallest_block);
 inline int even_block_begin(int count, int blocks, int block) {
   return static_cast<int>(static_cast<long long>(count) * block / blocks);
+}
+
+/// Calls body(begin, end) for such runs.
+template <typename Body>
+void for_runs(ThreadTeam& team, int count, int smallest_block, const Body& body) {
+  const int blocks = even_block_count(count, smallest_block);
+  team.for_each_block(blocks, [&](int block) {
+    body(even_block_begin(count, blocks, block), even_block_begin(count, blocks, block + 1));
+  });
+}
+
+/// Calls body(item) for every item, in such runs.
+template <typename Body>
+void for_items(ThreadTeam& team, int count, int smallest_block, const Body& body) {
+  for_runs(team, count, smallest_block, [&](int begin, int end) {
+    for (int item = begin; item < end; ++item) body(item);
+  });
 }
 
 }  // namespace sinew

@@ -128,9 +128,6 @@ TEST(Subspace, interpolates_the_twist_of_a_bone_by_a_parabola) {
   const Pose pose = bent_arm(70, 80);
   PoseRotations rotations(rig.skeleton, rig.binding);
   rotations.read(pose);
-  const auto matrix_at = [&](int place) -> Eigen::Matrix3d {
-    return Eigen::Quaternionf(rotations.table()[place]).cast<double>().normalized().toRotationMatrix();
-  };
   std::vector<Eigen::Matrix3d> blends(rig.volume.node_count(), Eigen::Matrix3d::Zero());
   std::vector<BlendTerm> terms;
   int twisted = 0;
@@ -144,15 +141,15 @@ TEST(Subspace, interpolates_the_twist_of_a_bone_by_a_parabola) {
         if (term.place < range.first || term.place >= range.first + range.count) continue;
         const double share = term.below + term.above;
         if (range.count == 2) {
-          blends[node] += share * matrix_at(range.first);
+          blends[node] += share * rotations.matrix_at(range.first);
           continue;
         }
         ++twisted;
         const int last = range.count - 1;
         const double t = (term.place - range.first + term.above / share) / last;
-        blends[node] += share * ((1 - t) * (1 - 2 * t) * matrix_at(range.first) +
-                                 4 * t * (1 - t) * matrix_at(range.first + last / 2) +
-                                 t * (2 * t - 1) * matrix_at(range.first + last));
+        blends[node] += share * ((1 - t) * (1 - 2 * t) * rotations.matrix_at(range.first) +
+                                 4 * t * (1 - t) * rotations.matrix_at(range.first + last / 2) +
+                                 t * (2 * t - 1) * rotations.matrix_at(range.first + last));
       }
     }
   }

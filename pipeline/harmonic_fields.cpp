@@ -31,7 +31,7 @@ FreeNodes find_unknowns(const VolumeGraph& volume, const Binding& binding) {
   std::vector<bool> given(volume.node_count(), false);
   for (const FieldConstraint& constraint : binding.field_constraints) given[constraint.node] = true;
   for (const auto& [node, bone] : binding.glued) given[node] = true;
-  return order_free_nodes(volume.graph, given);
+  return order_free_nodes(volume, given);
 }
 
 /// Given values flow in through the edges from constrained nodes to unknown ones.

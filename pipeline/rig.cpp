@@ -29,7 +29,7 @@ FreeNodes find_free_nodes(const VolumeGraph& volume, const Binding& binding) {
   for (const SphereConstraint& constraint : binding.spheres) constrained[constraint.node] = true;
   for (const CoreConstraint& constraint : binding.cores) constrained[constraint.node] = true;
   for (const auto& [node, bone] : binding.glued) constrained[node] = true;
-  return order_free_nodes(volume.graph, constrained);
+  return order_free_nodes(volume, constrained);
 }
 
 void append(std::vector<std::string>& all, const std::vector<std::string>& some) {

@@ -21,7 +21,8 @@ class CoarseFactor {
 
   int size() const { return static_cast<int>(inverse_pivots_.size()); }
   std::size_t bytes() const;
-  std::int64_t entries() const { return static_cast<std::int64_t>(values_.size()); }  ///< below the diagonal
+  /// Below the diagonal, with some that are zero.
+  std::int64_t entries() const { return static_cast<std::int64_t>(values_.size()); }
 
   /// x = A^-1 b; `scratch` holds size() rows. b and x may be the same.
   template <int kWidth>
@@ -29,8 +30,25 @@ class CoarseFactor {
              typename Lanes<kWidth>::Float* scratch) const;
 
  private:
-  std::vector<int> order_;   // row k of the factor is row order_[k] of A
-  std::vector<int> starts_;  // strictly lower triangle of L, column after column
+  /// Columns that follow one another and have entries in the same rows below themselves: what a row holds is
+  /// read once for all of them.
+  struct Group {
+    int first = 0;           ///< column
+    int columns = 0;         ///< 1 to kMostColumns
+    std::size_t rows = 0;    ///< from there on in rows_, up to the next group's
+    std::size_t values = 0;  ///< likewise: those among the columns, column by column, then `columns` a row
+  };
+  static constexpr int kMostColumns = 4;
+
+  void group_columns(const std::vector<int>& starts, const std::vector<int>& rows,
+                     const std::vector<float>& values);
+  template <int kWidth, int kColumns>
+  void go_down(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const;
+  template <int kWidth, int kColumns>
+  void come_up(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const;
+
+  std::vector<int> order_;     // row k of the factor is row order_[k] of A
+  std::vector<Group> groups_;  // of the columns of L, and one more behind the last
   std::vector<int> rows_;
   std::vector<float> values_;
   std::vector<float> inverse_pivots_;

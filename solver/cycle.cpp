@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "solver/row_passes.h"
 #include "solver/sweep_blocks.h"
 
 namespace sinew {
@@ -11,184 +12,6 @@ namespace {
 constexpr int kCorners = 8;
 constexpr int kPiecesPerBlock = 512;
 constexpr int kRowsPerBlock = 2048;
-
-// Sum of the weighted neighbors of node i. Two running sums, so that an addition need not wait for the one
-// before it.
-template <int kWidth>
-inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
-                                                  const typename Lanes<kWidth>::Float* x, int i) {
-  typename Lanes<kWidth>::Float even{}, odd{};
-  const int* const neighbors = A.neighbors.data();
-  const float* const weights = A.weights.data();
-  int k = A.offsets[i];
-  const int end = A.offsets[i + 1];
-  for (; k + 1 < end; k += 2) {
-    even += weights[k] * x[neighbors[k]];
-    odd += weights[k + 1] * x[neighbors[k + 1]];
-  }
-  if (k < end) even += weights[k] * x[neighbors[k]];
-  return even + odd;
-}
-
-// The same for weights that are all one number and not even stored.
-template <int kWidth>
-inline typename Lanes<kWidth>::Float plain_neighbor_sum(const LevelMatrix& A,
-                                                        const typename Lanes<kWidth>::Float* x, int i) {
-  typename Lanes<kWidth>::Float sum{};
-  for (int k = A.offsets[i]; k < A.offsets[i + 1]; ++k) sum += x[A.neighbors[k]];
-  return sum * A.uniform_weight;
-}
-
-// The row's own value and its first neighbors; `x` points at the row itself. Four running sums.
-template <int kWidth, typename Step>
-inline typename Lanes<kWidth>::Float short_row_sum(const ShortRow<Step>& row,
-                                                   const typename Lanes<kWidth>::Float* x) {
-  const Step* const steps = row.steps;
-  typename Lanes<kWidth>::Float s0 = x[steps[0]], s1 = x[steps[1]], s2 = x[steps[2]], s3 = x[steps[3]];
-  s0 += x[steps[4]];
-  s1 += x[steps[5]];
-  s2 += x[steps[6]];
-  s3 += x[steps[7]];
-  s0 += x[steps[8]];
-  s1 += x[steps[9]];
-  s2 += x[steps[10]];
-  s3 += x[steps[11]];
-  s0 += x[steps[12]];
-  s1 += x[steps[13]];
-  s2 += row.own * x[0];
-  return (s0 + s1) + (s2 + s3);
-}
-
-template <int kWidth>
-inline typename Lanes<kWidth>::Float rest_sum(const ShortRows& rows, int long_row,
-                                              const typename Lanes<kWidth>::Float* x) {
-  typename Lanes<kWidth>::Float sum{};
-  for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k) sum += x[rows.rest[k]];
-  return sum;
-}
-
-// Calls visit(i, sum of the weighted neighbors) for the rows of [begin, end), ascending.
-template <int kWidth, typename Step, typename Visit>
-inline void ascend(const LevelMatrix& A, const LargeVector<ShortRow<Step>>& rows,
-                   const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
-  const LargeVector<int>& long_rows = A.short_rows.long_rows;
-  const ShortRow<Step>* const row = rows.data();
-  const float weight = A.uniform_weight;
-  int long_row = A.short_rows.first_long_from(begin);
-  for (int i = begin; i < end; ++i) {
-    const bool is_long = long_row < static_cast<int>(long_rows.size()) && long_rows[long_row] < end;
-    const int stop = is_long ? long_rows[long_row] : end;
-    for (; i < stop; ++i) visit(i, short_row_sum<kWidth>(row[i], x + i) * weight);
-    if (!is_long) return;
-    visit(i, (short_row_sum<kWidth>(row[i], x + i) + rest_sum<kWidth>(A.short_rows, long_row, x)) * weight);
-    ++long_row;
-  }
-}
-
-// The same, descending.
-template <int kWidth, typename Step, typename Visit>
-inline void come_down(const LevelMatrix& A, const LargeVector<ShortRow<Step>>& rows,
-                      const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
-  const LargeVector<int>& long_rows = A.short_rows.long_rows;
-  const ShortRow<Step>* const row = rows.data();
-  const float weight = A.uniform_weight;
-  int long_row = A.short_rows.first_long_from(end) - 1;
-  for (int i = end - 1; i >= begin; --i) {
-    const bool is_long = long_row >= 0 && long_rows[long_row] >= begin;
-    const int stop = is_long ? long_rows[long_row] : begin - 1;
-    for (; i > stop; --i) visit(i, short_row_sum<kWidth>(row[i], x + i) * weight);
-    if (!is_long) return;
-    visit(i, (short_row_sum<kWidth>(row[i], x + i) + rest_sum<kWidth>(A.short_rows, long_row, x)) * weight);
-    --long_row;
-  }
-}
-
-/// How a level keeps its matrix.
-enum class Rows { near, far, plain, weighted };
-
-Rows rows_of(const LevelMatrix& A) {
-  if (!A.short_rows.near.empty()) return Rows::near;
-  if (!A.short_rows.far.empty()) return Rows::far;
-  return A.weights.empty() ? Rows::plain : Rows::weighted;
-}
-
-template <int kWidth, Rows kRows, typename Visit>
-inline void visit_ascending(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int begin, int end,
-                            const Visit& visit) {
-  if constexpr (kRows == Rows::near) {
-    ascend<kWidth>(A, A.short_rows.near, x, begin, end, visit);
-  } else if constexpr (kRows == Rows::far) {
-    ascend<kWidth>(A, A.short_rows.far, x, begin, end, visit);
-  } else {
-    for (int i = begin; i < end; ++i)
-      visit(i, kRows == Rows::plain ? plain_neighbor_sum<kWidth>(A, x, i) : neighbor_sum<kWidth>(A, x, i));
-  }
-}
-
-template <int kWidth, Rows kRows, typename Visit>
-inline void visit_descending(const LevelMatrix& A, const typename Lanes<kWidth>::Float* x, int begin, int end,
-                             const Visit& visit) {
-  if constexpr (kRows == Rows::near) {
-    come_down<kWidth>(A, A.short_rows.near, x, begin, end, visit);
-  } else if constexpr (kRows == Rows::far) {
-    come_down<kWidth>(A, A.short_rows.far, x, begin, end, visit);
-  } else {
-    for (int i = end - 1; i >= begin; --i)
-      visit(i, kRows == Rows::plain ? plain_neighbor_sum<kWidth>(A, x, i) : neighbor_sum<kWidth>(A, x, i));
-  }
-}
-
-template <int kWidth, Rows kRows>
-void sweep_forward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                   typename Lanes<kWidth>::Float* x, int begin, int end) {
-  const float* const inverse = A.inverse_diagonal.data();
-  visit_ascending<kWidth, kRows>(A, x, begin, end,
-                                 [=](int i, const auto& sum) { x[i] = (b[i] + sum) * inverse[i]; });
-}
-
-template <int kWidth, Rows kRows>
-void sweep_backward(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                    typename Lanes<kWidth>::Float* x, int begin, int end) {
-  const float* const inverse = A.inverse_diagonal.data();
-  visit_descending<kWidth, kRows>(A, x, begin, end,
-                                  [=](int i, const auto& sum) { x[i] = (b[i] + sum) * inverse[i]; });
-}
-
-template <int kWidth, Rows kRows>
-void residual_rows(const LevelMatrix& A, const typename Lanes<kWidth>::Float* b,
-                   const typename Lanes<kWidth>::Float* x, typename Lanes<kWidth>::Float* r, int begin,
-                   int end) {
-  const float* const diagonal = A.diagonal.data();
-  visit_ascending<kWidth, kRows>(A, x, begin, end,
-                                 [=](int i, const auto& sum) { r[i] = b[i] - diagonal[i] * x[i] + sum; });
-}
-
-/// The three passes over one level's rows.
-template <int kWidth>
-struct Passes {
-  using Float = typename Lanes<kWidth>::Float;
-  void (*forward)(const LevelMatrix&, const Float*, Float*, int, int);
-  void (*backward)(const LevelMatrix&, const Float*, Float*, int, int);
-  void (*residual)(const LevelMatrix&, const Float*, const Float*, Float*, int, int);
-};
-
-template <int kWidth, Rows kRows>
-constexpr Passes<kWidth> kPasses = {sweep_forward<kWidth, kRows>, sweep_backward<kWidth, kRows>,
-                                    residual_rows<kWidth, kRows>};
-
-template <int kWidth>
-Passes<kWidth> passes_over(const LevelMatrix& A) {
-  switch (rows_of(A)) {
-    case Rows::near:
-      return kPasses<kWidth, Rows::near>;
-    case Rows::far:
-      return kPasses<kWidth, Rows::far>;
-    case Rows::plain:
-      return kPasses<kWidth, Rows::plain>;
-    default:
-      return kPasses<kWidth, Rows::weighted>;
-  }
-}
 
 // The eight corner sums of one piece of `fine`. Eight variables rather than an array: they stay in registers.
 template <int kWidth>
@@ -379,7 +202,7 @@ void Cycle<kWidth>::sweep_parity(int level, int parity, const Sweep& sweep) {
 
 template <int kWidth>
 void Cycle<kWidth>::smooth_forward(int level, int count) {
-  const auto sweep = passes_over<kWidth>(hierarchy_.matrices[level]).forward;
+  const auto sweep = row_passes<kWidth>(hierarchy_.matrices[level]).forward;
   for (int k = 0; k < count; ++k) {
     sweep_parity(level, 0, sweep);
     sweep_parity(level, 1, sweep);
@@ -388,7 +211,7 @@ void Cycle<kWidth>::smooth_forward(int level, int count) {
 
 template <int kWidth>
 void Cycle<kWidth>::smooth_backward(int level, int count) {
-  const auto sweep = passes_over<kWidth>(hierarchy_.matrices[level]).backward;
+  const auto sweep = row_passes<kWidth>(hierarchy_.matrices[level]).backward;
   for (int k = 0; k < count; ++k) {
     sweep_parity(level, 1, sweep);
     sweep_parity(level, 0, sweep);
@@ -444,7 +267,7 @@ void Cycle<kWidth>::restrict_from(int level, const Float* fine) {
 template <int kWidth>
 void Cycle<kWidth>::restrict_residual(int level) {
   const LevelMatrix& A = hierarchy_.matrices[level];
-  const auto residual = passes_over<kWidth>(A).residual;
+  const auto residual = row_passes<kWidth>(A).residual;
   for_runs(team_, A.size(), kRowsPerBlock,
            [&](int begin, int end) { residual(A, b(level), x(level), scratch(level), begin, end); });
   restrict_from(level, scratch(level));

@@ -11,15 +11,29 @@ namespace {
 constexpr int kRowsPerBlock = 4096;
 
 template <typename Step>
+ShortRow<Step> row_of(int i, std::span<const int> neighbors) {
+  const int count = std::min(kShortRow, static_cast<int>(neighbors.size()));
+  int after = 0;  // the first neighbor that is
+  while (after < count && neighbors[after] < i) ++after;
+  ShortRow<Step> row = {};
+  row.own = static_cast<float>(count - kShortRow);
+  int place = kAfter + 1;
+  for (int k = 0; k < count; ++k) {
+    // A full row without one of the two has a neighbor too many for the other places.
+    const int spare = after > 0 ? kAfter : kBefore;
+    const int own = k == after - 1 ? kBefore : k == after ? kAfter : place < kShortRow ? place++ : spare;
+    row.steps[own] = static_cast<Step>(neighbors[k] - i);
+  }
+  return row;
+}
+
+template <typename Step>
 LargeVector<ShortRow<Step>> rows_of(std::span<const int> offsets, std::span<const int> neighbors,
                                     ThreadTeam& team) {
   const int n = static_cast<int>(offsets.size()) - 1;
   LargeVector<ShortRow<Step>> rows(static_cast<std::size_t>(n));
   for_items(team, n, kRowsPerBlock, [&](int i) {
-    const int count = std::min(kShortRow, offsets[i + 1] - offsets[i]);
-    for (int k = 0; k < count; ++k) rows[i].steps[k] = static_cast<Step>(neighbors[offsets[i] + k] - i);
-    std::fill(rows[i].steps + count, rows[i].steps + kShortRow, Step{0});
-    rows[i].own = static_cast<float>(count - kShortRow);
+    rows[i] = row_of<Step>(i, neighbors.subspan(offsets[i], offsets[i + 1] - offsets[i]));
   });
   return rows;
 }

@@ -14,9 +14,14 @@ namespace sinew {
 /// Neighbors of a node inside a body-centred lattice.
 constexpr int kShortRow = 14;
 
-/// The first neighbors of one row, as steps from the row itself. Unused steps are 0: they lead to the row
-/// itself as often as `own` takes it away again, so that no row needs a loop of its own length. A wrong guess
-/// of where such a loop ends costs the processor as much as half a row.
+/// Steps that have places of their own: to the nearest row before and to the nearest one after. A sweep that
+/// has just come from there adds it last, so that it has to wait for one addition rather than for all.
+constexpr int kBefore = 0;
+constexpr int kAfter = 1;
+
+/// The first neighbors of one row, as steps from the row itself: kBefore, kAfter, then the others. Unused
+/// steps are 0: they lead to the row itself as often as `own` takes it away again, so that no row needs a loop
+/// of its own length. A wrong guess of where such a loop ends costs the processor as much as half a row.
 template <typename Step>
 struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow {
   Step steps[kShortRow];
@@ -40,7 +45,7 @@ struct ShortRows {
   }
 };
 
-/// The graph's rows, neighbors in their order.
+/// The graph's rows. `neighbors` ascend.
 ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team);
 
 }  // namespace sinew

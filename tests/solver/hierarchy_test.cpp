@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "graphs.h"
@@ -88,6 +89,7 @@ std::vector<int> neighbors_of(const LevelMatrix& matrix, int i) {
   for (int k = 0; k < kShortRow; ++k)
     if (const int step = rows.near.empty() ? rows.far[i].steps[k] : rows.near[i].steps[k]; step != 0)
       result.push_back(i + step);
+  std::sort(result.begin(), result.end());
   const int long_row = rows.first_long_from(i);
   if (long_row < static_cast<int>(rows.long_rows.size()) && rows.long_rows[long_row] == i)
     result.insert(result.end(), rows.rest.begin() + rows.rest_offsets[long_row],
@@ -124,12 +126,42 @@ TEST(ShortRows, keep_wide_steps_and_long_rows) {
   ThreadTeam team(1);
   const ShortRows rows = short_rows(offsets, neighbors, team);
   EXPECT_TRUE(rows.near.empty());
-  EXPECT_EQ(rows.far[40000].steps[0], -40000);
+  EXPECT_EQ(rows.far[40000].steps[kBefore], -40000);
+  EXPECT_EQ(rows.far[40000].steps[kAfter], 0);
+  EXPECT_EQ(rows.far[0].steps[kAfter], 1);
   EXPECT_EQ(rows.far[40000].own, -13);
   EXPECT_EQ(rows.far[100].own, -14);
   EXPECT_EQ(rows.far[0].own, 0);
   EXPECT_EQ(rows.long_rows, LargeVector<int>{0});
   EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000}));
+}
+
+TEST(ShortRows, put_the_nearest_rows_where_sweeps_expect_them) {
+  // Node 20 has neighbors on both sides; node 0 has fourteen after it, node 40 fourteen before it.
+  std::vector<int> offsets = {0}, neighbors;
+  for (int i = 0; i <= 40; ++i) {
+    if (i == 0)
+      for (int k = 1; k <= 14; ++k) neighbors.push_back(k);
+    if (i == 20) neighbors.insert(neighbors.end(), {3, 17, 22, 35});
+    if (i == 40)
+      for (int k = 26; k < 40; ++k) neighbors.push_back(k);
+    offsets.push_back(static_cast<int>(neighbors.size()));
+  }
+  ThreadTeam team(1);
+  const ShortRows rows = short_rows(offsets, neighbors, team);
+  const auto sorted = [&](int i) {
+    std::vector<int> steps(rows.near[i].steps, rows.near[i].steps + kShortRow);
+    std::sort(steps.begin(), steps.end());
+    return steps;
+  };
+  EXPECT_EQ(rows.near[20].steps[kBefore], -3);
+  EXPECT_EQ(rows.near[20].steps[kAfter], 2);
+  EXPECT_EQ(rows.near[0].steps[kAfter], 1);
+  EXPECT_EQ(rows.near[40].steps[kBefore], -1);
+  for (int k = 0; k < kShortRow; ++k) {
+    EXPECT_EQ(sorted(0)[k], k + 1);
+    EXPECT_EQ(sorted(40)[k], k - kShortRow);
+  }
 }
 
 TEST(Hierarchy, sweep_blocks_reach_only_their_neighbors) {
@@ -180,7 +212,7 @@ TEST(Hierarchy, prints_its_levels) {
   out << hierarchy_of(graphs::path(12), {});
   EXPECT_EQ(out.str(),
             "level      nodes      entries        bytes\n"
-            "    0         10           18          400\n"
+            "    0         10           18          472\n"
             "operator complexity 1, last level factored\n");
   std::ostringstream large;
   large << hierarchy_of(graphs::path(30002), {.max_levels = 1});

@@ -1,0 +1,182 @@
+#include "solver/row_passes.h"
+
+#include <cstdint>
+
+namespace sinew {
+namespace {
+
+// Sum of the weighted neighbors of node i. Two running sums, so that an addition need not wait for the one
+// before it.
+template <int kWidth>
+inline typename Lanes<kWidth>::Float neighbor_sum(const LevelMatrix& A,
+                                                  const typename Lanes<kWidth>::Float* x, int i) {
+  typename Lanes<kWidth>::Float even{}, odd{};
+  const int* const neighbors = A.neighbors.data();
+  const float* const weights = A.weights.data();
+  int k = A.offsets[i];
+  const int end = A.offsets[i + 1];
+  for (; k + 1 < end; k += 2) {
+    even += weights[k] * x[neighbors[k]];
+    odd += weights[k + 1] * x[neighbors[k + 1]];
+  }
+  if (k < end) even += weights[k] * x[neighbors[k]];
+  return even + odd;
+}
+
+// The same for weights that are all one number and not even stored.
+template <int kWidth>
+inline typename Lanes<kWidth>::Float plain_neighbor_sum(const LevelMatrix& A,
+                                                        const typename Lanes<kWidth>::Float* x, int i) {
+  typename Lanes<kWidth>::Float sum{};
+  for (int k = A.offsets[i]; k < A.offsets[i + 1]; ++k) sum += x[A.neighbors[k]];
+  return sum * A.uniform_weight;
+}
+
+// The row's own value and its first neighbors but the one in `kSlot`; `x` points at the row itself. Four
+// running sums.
+template <int kWidth, int kSlot, typename Step>
+inline typename Lanes<kWidth>::Float short_row_sum(const ShortRow<Step>& row,
+                                                   const typename Lanes<kWidth>::Float* x) {
+  const Step* const steps = row.steps;
+  typename Lanes<kWidth>::Float s0 = x[steps[1 - kSlot]], s1 = x[steps[2]], s2 = x[steps[3]], s3 = x[steps[4]];
+  s0 += x[steps[5]];
+  s1 += x[steps[6]];
+  s2 += x[steps[7]];
+  s3 += x[steps[8]];
+  s0 += x[steps[9]];
+  s1 += x[steps[10]];
+  s2 += x[steps[11]];
+  s3 += x[steps[12]];
+  s0 += x[steps[13]];
+  s1 += row.own * x[0];
+  return (s0 + s1) + (s2 + s3);
+}
+
+template <int kWidth>
+inline typename Lanes<kWidth>::Float rest_sum(const ShortRows& rows, int long_row,
+                                              const typename Lanes<kWidth>::Float* x) {
+  typename Lanes<kWidth>::Float sum{};
+  for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k) sum += x[rows.rest[k]];
+  return sum;
+}
+
+// Calls visit(i, sum, last) for the rows of [begin, end), ascending: the neighbors' sum but for the value of
+// the one in `kSlot`, and that value.
+template <int kWidth, int kSlot, typename Step, typename Visit>
+inline void ascend(const ShortRows& short_rows, const LargeVector<ShortRow<Step>>& rows,
+                   const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
+  const LargeVector<int>& long_rows = short_rows.long_rows;
+  const ShortRow<Step>* const row = rows.data();
+  int long_row = short_rows.first_long_from(begin);
+  for (int i = begin; i < end; ++i) {
+    const bool is_long = long_row < static_cast<int>(long_rows.size()) && long_rows[long_row] < end;
+    const int stop = is_long ? long_rows[long_row] : end;
+    for (; i < stop; ++i)
+      visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i), x[i + row[i].steps[kSlot]]);
+    if (!is_long) return;
+    visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i) + rest_sum<kWidth>(short_rows, long_row, x),
+          x[i + row[i].steps[kSlot]]);
+    ++long_row;
+  }
+}
+
+// The same, descending.
+template <int kWidth, int kSlot, typename Step, typename Visit>
+inline void come_down(const ShortRows& short_rows, const LargeVector<ShortRow<Step>>& rows,
+                      const typename Lanes<kWidth>::Float* x, int begin, int end, const Visit& visit) {
+  const LargeVector<int>& long_rows = short_rows.long_rows;
+  const ShortRow<Step>* const row = rows.data();
+  int long_row = short_rows.first_long_from(end) - 1;
+  for (int i = end - 1; i >= begin; --i) {
+    const bool is_long = long_row >= 0 && long_rows[long_row] >= begin;
+    const int stop = is_long ? long_rows[long_row] : begin - 1;
+    for (; i > stop; --i)
+      visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i), x[i + row[i].steps[kSlot]]);
+    if (!is_long) return;
+    visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i) + rest_sum<kWidth>(short_rows, long_row, x),
+          x[i + row[i].steps[kSlot]]);
+    --long_row;
+  }
+}
+
+template <typename Step>
+const LargeVector<ShortRow<Step>>& rows_with(const ShortRows& rows) {
+  if constexpr (sizeof(Step) == sizeof(std::int16_t))
+    return rows.near;
+  else
+    return rows.far;
+}
+
+/// Passes over ShortRows.
+template <int kWidth, typename Step>
+struct ShortPasses {
+  using Float = typename Lanes<kWidth>::Float;
+
+  static void forward(const LevelMatrix& A, const Float* b, Float* x, int begin, int end) {
+    ascend<kWidth, kBefore>(A.short_rows, rows_with<Step>(A.short_rows), x, begin, end, relaxation(A, b, x));
+  }
+  static void backward(const LevelMatrix& A, const Float* b, Float* x, int begin, int end) {
+    come_down<kWidth, kAfter>(A.short_rows, rows_with<Step>(A.short_rows), x, begin, end,
+                              relaxation(A, b, x));
+  }
+  static void residual(const LevelMatrix& A, const Float* b, const Float* x, Float* r, int begin, int end) {
+    const float* const diagonal = A.diagonal.data();
+    const float weight = A.uniform_weight;
+    ascend<kWidth, kBefore>(A.short_rows, rows_with<Step>(A.short_rows), x, begin, end,
+                            [=](int i, const Float& sum, const Float& last) {
+                              r[i] = b[i] - diagonal[i] * x[i] + (sum + last) * weight;
+                            });
+  }
+
+ private:
+  // All that does not need the row before is done before it is asked for.
+  static auto relaxation(const LevelMatrix& A, const Float* b, Float* x) {
+    const float* const inverse = A.inverse_diagonal.data();
+    const float weight = A.uniform_weight;
+    return [=](int i, const Float& sum, const Float& last) {
+      const float share = weight * inverse[i];
+      x[i] = (b[i] * inverse[i] + sum * share) + last * share;
+    };
+  }
+};
+
+/// Passes along lists of neighbors.
+template <int kWidth, bool kUniform>
+struct ListPasses {
+  using Float = typename Lanes<kWidth>::Float;
+
+  static Float sum(const LevelMatrix& A, const Float* x, int i) {
+    return kUniform ? plain_neighbor_sum<kWidth>(A, x, i) : neighbor_sum<kWidth>(A, x, i);
+  }
+  static void forward(const LevelMatrix& A, const Float* b, Float* x, int begin, int end) {
+    const float* const inverse = A.inverse_diagonal.data();
+    for (int i = begin; i < end; ++i) x[i] = (b[i] + sum(A, x, i)) * inverse[i];
+  }
+  static void backward(const LevelMatrix& A, const Float* b, Float* x, int begin, int end) {
+    const float* const inverse = A.inverse_diagonal.data();
+    for (int i = end - 1; i >= begin; --i) x[i] = (b[i] + sum(A, x, i)) * inverse[i];
+  }
+  static void residual(const LevelMatrix& A, const Float* b, const Float* x, Float* r, int begin, int end) {
+    const float* const diagonal = A.diagonal.data();
+    for (int i = begin; i < end; ++i) r[i] = b[i] - diagonal[i] * x[i] + sum(A, x, i);
+  }
+};
+
+template <int kWidth, typename Passes>
+constexpr RowPasses<kWidth> kPassesOf = {Passes::forward, Passes::backward, Passes::residual};
+
+}  // namespace
+
+template <int kWidth>
+const RowPasses<kWidth>& row_passes(const LevelMatrix& A) {
+  if (!A.short_rows.near.empty()) return kPassesOf<kWidth, ShortPasses<kWidth, std::int16_t>>;
+  if (!A.short_rows.far.empty()) return kPassesOf<kWidth, ShortPasses<kWidth, std::int32_t>>;
+  if (A.weights.empty()) return kPassesOf<kWidth, ListPasses<kWidth, true>>;
+  return kPassesOf<kWidth, ListPasses<kWidth, false>>;
+}
+
+template const RowPasses<4>& row_passes<4>(const LevelMatrix&);
+template const RowPasses<8>& row_passes<8>(const LevelMatrix&);
+template const RowPasses<16>& row_passes<16>(const LevelMatrix&);
+
+}  // namespace sinew

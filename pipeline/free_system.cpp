@@ -28,7 +28,7 @@ Layers lattice_layers(const VolumeGraph& volume, const std::vector<int>& nodes) 
 double mean_layer(const Layers& layers, int axis) {
   std::vector<double> counts(static_cast<std::size_t>(layers.col(axis).maxCoeff()) + 1, 0.0);
   for (const int layer : layers.col(axis)) counts[layer] += 1.0;
-  return std::inner_product(counts.begin(), counts.end(), counts.begin(), 0.0);
+  return std::inner_product(counts.begin(), counts.end(), counts.begin(), 0.0) / static_cast<double>(layers.rows());
 }
 
 struct Axes {

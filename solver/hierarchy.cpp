@@ -106,7 +106,6 @@ void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options,
 void shorten_rows(LevelMatrix& finest, ThreadTeam& team) {
   if (!finest.weights.empty()) return;
   finest.short_rows = short_rows(finest.offsets, finest.neighbors, team);
-  LargeVector<int>().swap(finest.neighbors);
 }
 
 void check_options(const LinearSystem& system, const HierarchyOptions& options) {
@@ -159,8 +158,10 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
   if (last.size() <= std::max(kLargestFactor, options.coarsest_size))
     members_->bottom.emplace(to_sparse(last));
   if (options.coarsening == Coarsening::lattice && members_->matrices.size() > 1) {
+    LevelMatrix& finest = members_->matrices.front();
+    shorten_rows(finest, team);
     members_->patches = find_patches(*members_, team);
-    shorten_rows(members_->matrices.front(), team);
+    if (!finest.short_rows.empty()) LargeVector<int>().swap(finest.neighbors);
   }
 }
 

@@ -23,7 +23,8 @@ SparseMatrix laplacian(const Graph& graph);
 ///
 /// anchor_i is the sum of the weights from node i to constrained nodes, so the matrix is
 /// laplacian(graph) + diag(anchor): symmetric positive definite once every component holds a node
-/// with anchor > 0. Nodes should come in breadth_first_order: nothing depends on it but speed.
+/// with anchor > 0. Neighbors should be near each other in number, as in breadth_first_order: nothing depends
+/// on it but speed.
 struct LinearSystem {
   Graph graph;            ///< the free nodes and the edges among them
   Field anchor;           ///< n, >= 0

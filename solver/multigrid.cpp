@@ -216,15 +216,17 @@ class GroupSolve {
     const int begin = structure_.offsets[i], end = structure_.offsets[i + 1];
     if (!structure_.short_rows.empty()) {
       const ShortRows& rows = structure_.short_rows;
-      if (!rows.near.empty())
-        for (const std::int16_t step : rows.near[i].steps) sum += own - at(i + step);
-      else
-        for (const std::int32_t step : rows.far[i].steps) sum += own - at(i + step);
-      if (end - begin > kShortRow) {
+      const auto add_row = [&](const auto& row) {
+        for (const auto step : row.steps) sum += own - at(i + step);
+        if (!is_long(row, end - begin)) return;
         const int long_row = rows.first_long_from(i);
         for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k)
           sum += own - at(rows.rest[k]);
-      }
+      };
+      if (!rows.near.empty())
+        add_row(rows.near[i]);
+      else
+        add_row(rows.far[i]);
       sum *= system_.uniform_weight;
     } else if (system_.weights.empty()) {
       for (int k = begin; k < end; ++k) sum += own - at(structure_.neighbors[k]);

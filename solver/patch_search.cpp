@@ -8,9 +8,13 @@
 
 #include "solver/cycle.h"
 #include "solver/galerkin.h"
+#include "solver/sweep_blocks.h"
 
 namespace sinew {
 namespace {
+
+/// Nodes per block of parallel work.
+constexpr int kRowsPerBlock = 4096;
 
 constexpr int kProbeSweeps = 2;
 constexpr int kProbeCycles = 5;
@@ -43,15 +47,16 @@ std::vector<float> probe(const Hierarchy::Members& hierarchy, ThreadTeam& team) 
   Cycle<kWidth> cycle(hierarchy, kProbeSweeps, team, memory);
   const int n = hierarchy.matrices.front().size();
   auto* const error = cycle.solution();
-  for (int node = 0; node < n; ++node)
+  for_items(team, n, kRowsPerBlock, [&](int node) {
     for (int lane = 0; lane < kWidth; ++lane)
       error[node][lane] = scattered(static_cast<std::uint64_t>(node) * kWidth + lane);
+  });
   for (int k = 0; k < kProbeCycles; ++k) cycle.improve(0);
   std::vector<float> left(n);
-  for (int node = 0; node < n; ++node) {
+  for_items(team, n, kRowsPerBlock, [&](int node) {
     const auto square = error[node] * error[node];
     left[node] = std::sqrt(square[0] + square[1] + square[2] + square[3]);
-  }
+  });
   return left;
 }
 
@@ -103,10 +108,8 @@ void take_component(const LevelMatrix& A, int start, std::vector<char>& inside, 
   }
 }
 
-/// `row_of_node` is -1 everywhere, before and after.
-Patch make_patch(const LevelMatrix& A, std::vector<int> nodes, std::vector<int>& row_of_node) {
-  std::sort(nodes.begin(), nodes.end());
-  for (std::size_t row = 0; row < nodes.size(); ++row) row_of_node[nodes[row]] = static_cast<int>(row);
+/// `row_of_node`: where the patch has its nodes, and -1 at all nodes around them.
+Patch make_patch(const LevelMatrix& A, std::vector<int> nodes, const std::vector<int>& row_of_node) {
   Patch patch;
   LevelMatrix inner;
   inner.uniform_weight = A.uniform_weight;
@@ -124,9 +127,26 @@ Patch make_patch(const LevelMatrix& A, std::vector<int> nodes, std::vector<int>&
     inner.diagonal.push_back(A.diagonal[node]);
   }
   patch.factor = CoarseFactor(to_sparse(inner));
-  for (const int node : nodes) row_of_node[node] = -1;
   patch.nodes = std::move(nodes);
   return patch;
+}
+
+/// Nodes by patch, ascending in each.
+std::vector<std::vector<int>> patch_nodes(const LevelMatrix& A, std::vector<char> inside) {
+  std::vector<std::vector<int>> patches;
+  std::vector<int> nodes;
+  const auto close = [&] {
+    if (nodes.empty()) return;
+    std::sort(nodes.begin(), nodes.end());
+    patches.push_back(std::exchange(nodes, {}));
+  };
+  for (int node = 0; node < A.size(); ++node) {
+    if (inside[node] == 0) continue;
+    take_component(A, node, inside, nodes);
+    if (static_cast<int>(nodes.size()) >= kFewestInFactor) close();
+  }
+  close();
+  return patches;
 }
 
 }  // namespace
@@ -137,22 +157,19 @@ std::size_t Patch::bytes() const {
 
 std::vector<Patch> find_patches(const Hierarchy::Members& hierarchy, ThreadTeam& team) {
   const LevelMatrix& A = hierarchy.matrices.front();
-  std::vector<char> inside = nodes_in_patches(A, probe(hierarchy, team));
-  std::vector<Patch> patches;
-  std::vector<int> row_of_node(inside.size(), -1);
-  std::vector<int> nodes;
-  const auto close = [&] {
-    if (nodes.empty()) return;
-    const int first_row = row_count(patches);
-    patches.push_back(make_patch(A, std::exchange(nodes, {}), row_of_node));
-    patches.back().first_row = first_row;
-  };
-  for (int node = 0; node < A.size(); ++node) {
-    if (inside[node] == 0) continue;
-    take_component(A, node, inside, nodes);
-    if (static_cast<int>(nodes.size()) >= kFewestInFactor) close();
+  std::vector<std::vector<int>> nodes = patch_nodes(A, nodes_in_patches(A, probe(hierarchy, team)));
+  std::vector<int> row_of_node(static_cast<std::size_t>(A.size()), -1);
+  for (const std::vector<int>& patch : nodes)
+    for (std::size_t row = 0; row < patch.size(); ++row) row_of_node[patch[row]] = static_cast<int>(row);
+  // No edge joins two patches, so none meets another's rows.
+  std::vector<Patch> patches(nodes.size());
+  team.for_each_block(static_cast<int>(nodes.size()),
+                      [&](int k) { patches[k] = make_patch(A, std::move(nodes[k]), row_of_node); });
+  int first_row = 0;
+  for (Patch& patch : patches) {
+    patch.first_row = first_row;
+    first_row += patch.size();
   }
-  close();
   return patches;
 }
 

@@ -1,6 +1,6 @@
 #include "solver/short_rows.h"
 
-#include <limits>
+#include <array>
 
 #include "solver/sweep_blocks.h"
 
@@ -10,43 +10,68 @@ namespace {
 /// Rows per block of parallel work.
 constexpr int kRowsPerBlock = 4096;
 
+/// One row in so many may have a step that does not fit, and costs what a long row does, before all rows take
+/// twice the memory.
+constexpr int kFarShare = 8;
+
 template <typename Step>
-ShortRow<Step> row_of(int i, std::span<const int> neighbors) {
-  const int count = std::min(kShortRow, static_cast<int>(neighbors.size()));
-  int after = 0;  // the first neighbor that is
-  while (after < count && neighbors[after] < i) ++after;
-  ShortRow<Step> row = {};
+bool fits(int step) {
+  return step == static_cast<Step>(step);
+}
+
+/// The neighbors of row i that its short row holds go to `row`, the others to `left(neighbor)`.
+template <typename Step, typename Left>
+void split_row(int i, std::span<const int> neighbors, ShortRow<Step>& row, const Left& left) {
+  std::array<Step, kShortRow> steps;
+  int count = 0, after = 0;  // the first neighbor that is after i
+  for (const int neighbor : neighbors) {
+    if (count == kShortRow || !fits<Step>(neighbor - i)) {
+      left(neighbor);
+      continue;
+    }
+    steps[count++] = static_cast<Step>(neighbor - i);
+    if (neighbor < i) after = count;
+  }
+  row = {};
   row.own = static_cast<float>(count - kShortRow);
   int place = kAfter + 1;
   for (int k = 0; k < count; ++k) {
     // A full row without one of the two has a neighbor too many for the other places.
     const int spare = after > 0 ? kAfter : kBefore;
     const int own = k == after - 1 ? kBefore : k == after ? kAfter : place < kShortRow ? place++ : spare;
-    row.steps[own] = static_cast<Step>(neighbors[k] - i);
+    row.steps[own] = steps[k];
   }
-  return row;
 }
 
 template <typename Step>
-LargeVector<ShortRow<Step>> rows_of(std::span<const int> offsets, std::span<const int> neighbors,
-                                    ThreadTeam& team) {
+void fill(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team,
+          LargeVector<ShortRow<Step>>& rows, ShortRows& result) {
   const int n = static_cast<int>(offsets.size()) - 1;
-  LargeVector<ShortRow<Step>> rows(static_cast<std::size_t>(n));
-  for_items(team, n, kRowsPerBlock, [&](int i) {
-    rows[i] = row_of<Step>(i, neighbors.subspan(offsets[i], offsets[i + 1] - offsets[i]));
-  });
-  return rows;
+  const auto neighbors_of = [&](int i) { return neighbors.subspan(offsets[i], offsets[i + 1] - offsets[i]); };
+  rows.resize(static_cast<std::size_t>(n));
+  for_items(team, n, kRowsPerBlock, [&](int i) { split_row<Step>(i, neighbors_of(i), rows[i], [](int) {}); });
+  result.rest_offsets = {0};
+  for (int i = 0; i < n; ++i) {
+    if (!is_long(rows[i], offsets[i + 1] - offsets[i])) continue;
+    ShortRow<Step> row;
+    split_row<Step>(i, neighbors_of(i), row, [&](int neighbor) { result.rest.push_back(neighbor); });
+    result.long_rows.push_back(i);
+    result.rest_offsets.push_back(static_cast<int>(result.rest.size()));
+  }
 }
 
-/// Neighbors ascend: the first and the last are the farthest.
-int longest_step(std::span<const int> offsets, std::span<const int> neighbors) {
-  int longest = 0;
-  for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
+/// Whether so few rows have a step beyond 16 bits that these had better be long rows. Neighbors ascend: the
+/// first and the last are the farthest.
+bool mostly_near(std::span<const int> offsets, std::span<const int> neighbors) {
+  const int n = static_cast<int>(offsets.size()) - 1;
+  int far = 0;
+  for (int i = 0; i < n; ++i) {
     if (offsets[i] == offsets[i + 1]) continue;
-    const int row = static_cast<int>(i);
-    longest = std::max({longest, row - neighbors[offsets[i]], neighbors[offsets[i + 1] - 1] - row});
+    const bool near = fits<std::int16_t>(neighbors[offsets[i]] - i) &&
+                      fits<std::int16_t>(neighbors[offsets[i + 1] - 1] - i);
+    far += near ? 0 : 1;
   }
-  return longest;
+  return far <= n / kFarShare;
 }
 
 }  // namespace
@@ -58,18 +83,10 @@ std::size_t ShortRows::bytes() const {
 
 ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team) {
   ShortRows result;
-  result.rest_offsets = {0};
-  if (longest_step(offsets, neighbors) <= std::numeric_limits<std::int16_t>::max())
-    result.near = rows_of<std::int16_t>(offsets, neighbors, team);
+  if (mostly_near(offsets, neighbors))
+    fill(offsets, neighbors, team, result.near, result);
   else
-    result.far = rows_of<std::int32_t>(offsets, neighbors, team);
-  for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
-    if (offsets[i + 1] - offsets[i] <= kShortRow) continue;
-    result.long_rows.push_back(static_cast<int>(i));
-    result.rest.insert(result.rest.end(), neighbors.begin() + offsets[i] + kShortRow,
-                       neighbors.begin() + offsets[i + 1]);
-    result.rest_offsets.push_back(static_cast<int>(result.rest.size()));
-  }
+    fill(offsets, neighbors, team, result.far, result);
   return result;
 }
 

@@ -28,11 +28,17 @@ struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow
   float own;  ///< minus the number of unused steps
 };
 
+/// Whether a row with so many neighbors has some that its short row does not hold.
+template <typename Step>
+bool is_long(const ShortRow<Step>& row, int neighbors) {
+  return neighbors > kShortRow + static_cast<int>(row.own);
+}
+
 /// All rows of a graph. Half the bytes of a list of neighbors, and read in strides that are known ahead.
 struct ShortRows {
-  LargeVector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where a step
-  LargeVector<ShortRow<std::int32_t>> far;   ///< does not fit into 16 bits
-  LargeVector<int> long_rows;                ///< ascending: the rows with more neighbors than kShortRow
+  LargeVector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where the steps of
+  LargeVector<ShortRow<std::int32_t>> far;   ///< many rows do not fit into 16 bits
+  LargeVector<int> long_rows;                ///< ascending: the rows whose short row does not hold all neighbors
   LargeVector<int> rest_offsets;             ///< by long row and one more, into rest
   LargeVector<int> rest;                     ///< their other neighbors
 

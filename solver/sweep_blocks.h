@@ -10,7 +10,8 @@ namespace sinew {
 
 /// Cuts the nodes of a graph into runs [cut[k], cut[k+1]) such that every neighbor of a node in run k
 /// lies in run k-1, k or k+1. Depends on the graph alone, never on a thread count. In breadth-first
-/// order the runs are a few fronts wide; in a scattered order there is one run. O(nodes).
+/// order the runs are a few fronts wide, along the layers of a lattice a few layers; in a scattered order
+/// there is one run. O(nodes).
 std::vector<int> sweep_blocks(std::span<const int> offsets, std::span<const int> neighbors);
 
 /// Runs of nearly equal length over `count` items, for loops whose blocks are independent.

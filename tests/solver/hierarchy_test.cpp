@@ -113,7 +113,7 @@ TEST(Hierarchy, short_rows_say_what_the_graph_says) {
   }
 }
 
-TEST(ShortRows, keep_wide_steps_and_long_rows) {
+TEST(ShortRows, keep_long_rows_and_steps_that_do_not_fit) {
   // Node 0 has 20 neighbors, the last of them 40000 nodes away; all others have only node 0.
   std::vector<int> offsets = {0}, neighbors;
   for (int k = 1; k < 20; ++k) neighbors.push_back(k);
@@ -125,15 +125,33 @@ TEST(ShortRows, keep_wide_steps_and_long_rows) {
   }
   ThreadTeam team(1);
   const ShortRows rows = short_rows(offsets, neighbors, team);
+  EXPECT_TRUE(rows.far.empty());
+  EXPECT_EQ(rows.near[0].steps[kAfter], 1);
+  EXPECT_EQ(rows.near[0].own, 0);
+  EXPECT_EQ(rows.near[19].steps[kBefore], -19);
+  EXPECT_EQ(rows.near[19].steps[kAfter], 0);
+  EXPECT_EQ(rows.near[19].own, -13);
+  EXPECT_EQ(rows.near[100].own, -14);
+  EXPECT_EQ(rows.near[40000].own, -14) << "its only neighbor is too far";
+  EXPECT_EQ(rows.long_rows, (LargeVector<int>{0, 40000}));
+  EXPECT_EQ(rows.rest_offsets, (LargeVector<int>{0, 6, 7}));
+  EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000, 0}));
+}
+
+TEST(ShortRows, are_wide_where_many_steps_are) {
+  // Every node of the first half is joined to the one 40000 places on.
+  std::vector<int> offsets = {0}, neighbors;
+  for (int i = 0; i < 80000; ++i) {
+    neighbors.push_back(i < 40000 ? i + 40000 : i - 40000);
+    offsets.push_back(i + 1);
+  }
+  ThreadTeam team(2);
+  const ShortRows rows = short_rows(offsets, neighbors, team);
   EXPECT_TRUE(rows.near.empty());
-  EXPECT_EQ(rows.far[40000].steps[kBefore], -40000);
-  EXPECT_EQ(rows.far[40000].steps[kAfter], 0);
-  EXPECT_EQ(rows.far[0].steps[kAfter], 1);
-  EXPECT_EQ(rows.far[40000].own, -13);
-  EXPECT_EQ(rows.far[100].own, -14);
-  EXPECT_EQ(rows.far[0].own, 0);
-  EXPECT_EQ(rows.long_rows, LargeVector<int>{0});
-  EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000}));
+  EXPECT_TRUE(rows.long_rows.empty());
+  EXPECT_EQ(rows.far[7].steps[kAfter], 40000);
+  EXPECT_EQ(rows.far[79999].steps[kBefore], -40000);
+  EXPECT_EQ(rows.far[7].own, -13);
 }
 
 TEST(ShortRows, put_the_nearest_rows_where_sweeps_expect_them) {

@@ -28,7 +28,8 @@ Layers lattice_layers(const VolumeGraph& volume, const std::vector<int>& nodes) 
 double mean_layer(const Layers& layers, int axis) {
   std::vector<double> counts(static_cast<std::size_t>(layers.col(axis).maxCoeff()) + 1, 0.0);
   for (const int layer : layers.col(axis)) counts[layer] += 1.0;
-  return std::inner_product(counts.begin(), counts.end(), counts.begin(), 0.0) / static_cast<double>(layers.rows());
+  return std::inner_product(counts.begin(), counts.end(), counts.begin(), 0.0) /
+         static_cast<double>(layers.rows());
 }
 
 struct Axes {
@@ -45,7 +46,8 @@ Axes order_axes(const Layers& layers) {
   }
   axes.between = (axes.across + 1) % 3;
   axes.along = (axes.across + 2) % 3;
-  if (layers.col(axes.between).maxCoeff() > layers.col(axes.along).maxCoeff()) std::swap(axes.between, axes.along);
+  if (layers.col(axes.between).maxCoeff() > layers.col(axes.along).maxCoeff())
+    std::swap(axes.between, axes.along);
   return axes;
 }
 
@@ -65,9 +67,8 @@ std::vector<int> order_along_lines(const VolumeGraph& volume, const std::vector<
     const int inner = nodes[k] < volume.surface_count ? 0 : 1;
     places.push_back({{row[axes.across], inner, row[axes.between], row[axes.along]}, nodes[k]});
   }
-  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) {
-    return a.key != b.key ? a.key < b.key : a.node < b.node;
-  });
+  std::sort(places.begin(), places.end(),
+            [](const Place& a, const Place& b) { return a.key != b.key ? a.key < b.key : a.node < b.node; });
   std::vector<int> order;
   order.reserve(nodes.size());
   for (const Place& place : places) order.push_back(place.node);
@@ -90,8 +91,8 @@ FreeNodes order_free_nodes(const VolumeGraph& volume, const std::vector<bool>& c
   }
   const bool lattice = volume.interior == Interior::lattice && volume.node_count() > volume.surface_count;
   FreeNodes free;
-  free.node_of_free = lattice && !nodes.empty() ? order_along_lines(volume, nodes)
-                                                : order_breadth_first(volume.graph, nodes);
+  free.node_of_free =
+      lattice && !nodes.empty() ? order_along_lines(volume, nodes) : order_breadth_first(volume.graph, nodes);
   free.free_of_node.assign(volume.node_count(), -1);
   for (int row = 0; row < free.count(); ++row) free.free_of_node[free.node_of_free[row]] = row;
   return free;

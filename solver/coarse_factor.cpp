@@ -98,9 +98,9 @@ void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vect
         *value++ = k < starts[column + 1] && rows[k] == row ? values[k++] : 0.0f;
     }
     for (int column = first; column <= last; ++column) {
-      int k = static_cast<int>(std::lower_bound(rows.begin() + starts[column],
-                                                rows.begin() + starts[column + 1], last + 1) -
-                               rows.begin());
+      int k = static_cast<int>(
+          std::lower_bound(rows.begin() + starts[column], rows.begin() + starts[column + 1], last + 1) -
+          rows.begin());
       for (int row = 0; k < starts[column + 1]; ++row)
         if (rows[starts[last] + row] == rows[k]) value[columns * row + column - first] = values[k++];
     }
@@ -172,13 +172,11 @@ void CoarseFactor::solve(const typename Lanes<kWidth>::Float* b, typename Lanes<
   };
   const int group_count = static_cast<int>(groups_.size()) - 1;
   for (int k = 0; k < group_count; ++k)
-    with_columns(groups_[k].columns, [&](auto columns) {
-      go_down<kWidth, columns>(groups_[k], groups_[k + 1].rows, scratch);
-    });
+    with_columns(groups_[k].columns,
+                 [&](auto columns) { go_down<kWidth, columns>(groups_[k], groups_[k + 1].rows, scratch); });
   for (int k = group_count - 1; k >= 0; --k)
-    with_columns(groups_[k].columns, [&](auto columns) {
-      come_up<kWidth, columns>(groups_[k], groups_[k + 1].rows, scratch);
-    });
+    with_columns(groups_[k].columns,
+                 [&](auto columns) { come_up<kWidth, columns>(groups_[k], groups_[k + 1].rows, scratch); });
   for (int k = 0; k < n; ++k) x[order_[k]] = scratch[k];
 }
 

@@ -1,3 +1,5 @@
+// Gauss-Seidel sweeps and residuals [Shi et al. 2006, eq. 7], row by row: what one row needs of the row
+// before it must not wait for anything else.
 #include "solver/row_passes.h"
 
 #include <cstdint>
@@ -38,7 +40,8 @@ template <int kWidth, int kSlot, typename Step>
 inline typename Lanes<kWidth>::Float short_row_sum(const ShortRow<Step>& row,
                                                    const typename Lanes<kWidth>::Float* x) {
   const Step* const steps = row.steps;
-  typename Lanes<kWidth>::Float s0 = x[steps[1 - kSlot]], s1 = x[steps[2]], s2 = x[steps[3]], s3 = x[steps[4]];
+  typename Lanes<kWidth>::Float s0 = x[steps[1 - kSlot]], s1 = x[steps[2]], s2 = x[steps[3]],
+                                s3 = x[steps[4]];
   s0 += x[steps[5]];
   s1 += x[steps[6]];
   s2 += x[steps[7]];
@@ -71,8 +74,7 @@ inline void ascend(const ShortRows& short_rows, const LargeVector<ShortRow<Step>
   for (int i = begin; i < end; ++i) {
     const bool is_long = long_row < static_cast<int>(long_rows.size()) && long_rows[long_row] < end;
     const int stop = is_long ? long_rows[long_row] : end;
-    for (; i < stop; ++i)
-      visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i), x[i + row[i].steps[kSlot]]);
+    for (; i < stop; ++i) visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i), x[i + row[i].steps[kSlot]]);
     if (!is_long) return;
     visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i) + rest_sum<kWidth>(short_rows, long_row, x),
           x[i + row[i].steps[kSlot]]);
@@ -90,8 +92,7 @@ inline void come_down(const ShortRows& short_rows, const LargeVector<ShortRow<St
   for (int i = end - 1; i >= begin; --i) {
     const bool is_long = long_row >= 0 && long_rows[long_row] >= begin;
     const int stop = is_long ? long_rows[long_row] : begin - 1;
-    for (; i > stop; --i)
-      visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i), x[i + row[i].steps[kSlot]]);
+    for (; i > stop; --i) visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i), x[i + row[i].steps[kSlot]]);
     if (!is_long) return;
     visit(i, short_row_sum<kWidth, kSlot>(row[i], x + i) + rest_sum<kWidth>(short_rows, long_row, x),
           x[i + row[i].steps[kSlot]]);

@@ -20,8 +20,8 @@ constexpr int kBefore = 0;
 constexpr int kAfter = 1;
 
 /// The first neighbors of one row, as steps from the row itself: kBefore, kAfter, then the others. Unused
-/// steps are 0: they lead to the row itself as often as `own` takes it away again, so that no row needs a loop
-/// of its own length. A wrong guess of where such a loop ends costs the processor as much as half a row.
+/// steps are 0: they lead to the row itself as often as `own` takes it away again, so that no row needs a
+/// loop of its own length. A wrong guess of where such a loop ends costs the processor as much as half a row.
 template <typename Step>
 struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow {
   Step steps[kShortRow];
@@ -38,9 +38,9 @@ bool is_long(const ShortRow<Step>& row, int neighbors) {
 struct ShortRows {
   LargeVector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where the steps of
   LargeVector<ShortRow<std::int32_t>> far;   ///< many rows do not fit into 16 bits
-  LargeVector<int> long_rows;                ///< ascending: the rows whose short row does not hold all neighbors
-  LargeVector<int> rest_offsets;             ///< by long row and one more, into rest
-  LargeVector<int> rest;                     ///< their other neighbors
+  LargeVector<int> long_rows;     ///< ascending: the rows whose short row does not hold all neighbors
+  LargeVector<int> rest_offsets;  ///< by long row and one more, into rest
+  LargeVector<int> rest;          ///< their other neighbors
 
   bool empty() const { return near.empty() && far.empty(); }
   std::size_t bytes() const;

@@ -301,7 +301,8 @@ TEST_P(FrameSolverForms, the_estimated_error_is_at_least_half_of_the_true_one) {
       const FrameReport report = loose.solve(pose);
       tight.solve(pose);
       const double error = largest_difference(positions_of(rig, loose), positions_of(rig, tight));
-      EXPECT_LE(error / rest_diagonal(rig.volume), 2 * report.error + 1e-6) << tolerance << ", frame " << frame;
+      EXPECT_LE(error / rest_diagonal(rig.volume), 2 * report.error + 1e-6)
+          << tolerance << ", frame " << frame;
     }
   }
 }

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstdint>
 #include <numeric>
+#include <utility>
 
 namespace sinew {
 namespace {
@@ -40,10 +39,9 @@ struct Axes {
 
 /// Thin layers, and in them long lines.
 Axes order_axes(const Layers& layers) {
+  const std::array<double, 3> means = {mean_layer(layers, 0), mean_layer(layers, 1), mean_layer(layers, 2)};
   Axes axes;
-  for (int axis = 1; axis < 3; ++axis) {
-    if (mean_layer(layers, axis) < mean_layer(layers, axes.across)) axes.across = axis;
-  }
+  axes.across = static_cast<int>(std::min_element(means.begin(), means.end()) - means.begin());
   axes.between = (axes.across + 1) % 3;
   axes.along = (axes.across + 2) % 3;
   if (layers.col(axes.between).maxCoeff() > layers.col(axes.along).maxCoeff())

@@ -16,9 +16,9 @@ struct FreeNodes {
 };
 
 /// Orders the nodes that are not `constrained` so that neighbors are near each other: along the lines of the
-/// lattice, line after line and layer after layer, or, where there is no lattice, breadth-first over the
-/// graph they span. Along a line the neighbors of one node are, a place further on, those of the next,
-/// which the solver makes use of. O(n log n).
+/// lattice, line after line and layer after layer, the layers across the axis that makes them thinnest and the
+/// surface vertices of a layer before its lines; or, where there is no lattice, breadth-first over the graph they
+/// span. O(n log n).
 FreeNodes order_free_nodes(const VolumeGraph& volume, const std::vector<bool>& constrained);
 
 /// The system over the free nodes: their graph, and the weights to constrained neighbors as anchors.

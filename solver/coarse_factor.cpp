@@ -107,6 +107,9 @@ void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vect
     first += columns;
   }
   groups_.push_back({n, 0, rows_.size(), values_.size()});
+  groups_.shrink_to_fit();
+  rows_.shrink_to_fit();
+  values_.shrink_to_fit();
 }
 
 std::size_t CoarseFactor::bytes() const {

@@ -214,9 +214,7 @@ TEST_P(SubspaceForms, a_preview_allocates_nothing) {
 }
 
 TEST_P(SubspaceForms, a_frame_that_starts_from_it_allocates_nothing) {
-  const Rig rig =
-      build_rig(arm_mesh(), arm_skeleton(),
-                subspace_options(GetParam(), SubspaceOf::free_nodes, SolverKind::multigrid), team_);
+  const Rig rig = build(SubspaceOf::free_nodes);
   FrameOptions options;
   options.deform = GetParam();
   options.start = Start::subspace;

@@ -52,17 +52,17 @@ LevelMatrix level_matrix(const LinearSystem& system, ThreadTeam& team) {
   return matrix;
 }
 
-bool fits_a_lattice(const Field3& positions, double cell) {
-  if (!(std::isfinite(cell) && cell > 0 && positions.allFinite())) return false;
-  const Eigen::RowVector3d extent = positions.colwise().maxCoeff() - positions.colwise().minCoeff();
-  return extent.maxCoeff() < kMostCellsAlong * cell;
+bool fits_a_lattice(const Field3& positions, double cell, ThreadTeam& team) {
+  if (!(std::isfinite(cell) && cell > 0)) return false;
+  const Eigen::AlignedBox3d box = box_around(positions, team);
+  return !box.isEmpty() && box.sizes().maxCoeff() < kMostCellsAlong * cell;
 }
 
 // The next level by the first means that shrinks this one enough: a lattice, coarser lattices, and
 // aggregates, which need no positions. Its coarse_count is 0 when nothing helps.
 PieceCoarsening coarsen(const LevelMatrix& matrix, const Field3& positions, double cell, ThreadTeam& team) {
   const double limit = kLargestShare * matrix.size();
-  if (fits_a_lattice(positions, cell))
+  if (fits_a_lattice(positions, cell, team))
     for (int doubling = 0; doubling < 3; ++doubling, cell *= 2) {
       PieceCoarsening lattice = coarsen_by_lattice(matrix, positions, cell, team);
       if (lattice.transfer.coarse_count <= limit) return lattice;
@@ -74,15 +74,17 @@ PieceCoarsening coarsen(const LevelMatrix& matrix, const Field3& positions, doub
 
 void add_lattice_levels(const LinearSystem& system, const HierarchyOptions& options, ThreadTeam& team,
                         Hierarchy::Members& members) {
-  Field3 positions = system.rest_positions;
-  double cell = kFirstCell * mean_edge_length(members.matrices.back(), positions, team);
+  const Field3* positions = &system.rest_positions;
+  Field3 coarse_positions;
+  double cell = kFirstCell * mean_edge_length(members.matrices.back(), *positions, team);
   while (members.matrices.back().size() > options.coarsest_size &&
          static_cast<int>(members.matrices.size()) < options.max_levels) {
-    PieceCoarsening next = coarsen(members.matrices.back(), positions, cell, team);
+    PieceCoarsening next = coarsen(members.matrices.back(), *positions, cell, team);
     if (next.transfer.coarse_count == 0) return;
     members.matrices.push_back(galerkin_product(members.matrices.back(), next.transfer, team));
     members.transfers.push_back({std::move(next.transfer), std::nullopt});
-    positions = std::move(next.positions);
+    coarse_positions = std::move(next.positions);
+    positions = &coarse_positions;
     cell = 2;  // positions are now in cells of this level's lattice
   }
 }
@@ -154,15 +156,19 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
     add_shi_levels(system, options, team, *members_);
   else
     add_lattice_levels(system, options, team, *members_);
+  LevelMatrix& finest = members_->matrices.front();
   const LevelMatrix& last = members_->matrices.back();
-  if (last.size() <= std::max(kLargestFactor, options.coarsest_size))
-    members_->bottom.emplace(to_sparse(last));
-  if (options.coarsening == Coarsening::lattice && members_->matrices.size() > 1) {
-    LevelMatrix& finest = members_->matrices.front();
-    shorten_rows(finest, team);
-    members_->patches = find_patches(*members_, team);
-    if (!finest.short_rows.empty()) LargeVector<int>().swap(finest.neighbors);
-  }
+  const bool factored = last.size() <= std::max(kLargestFactor, options.coarsest_size);
+  const bool patched = options.coarsening == Coarsening::lattice && members_->matrices.size() > 1;
+  // Neither is shared well among threads, so each takes one.
+  team.for_each_block(2, [&](int task) {
+    ThreadTeam alone;
+    if (task == 0 && factored) members_->bottom.emplace(to_sparse(last));
+    if (task == 1 && patched) shorten_rows(finest, alone);
+  });
+  if (!patched) return;
+  members_->patches = find_patches(*members_, team);
+  if (!finest.short_rows.empty()) LargeVector<int>().swap(finest.neighbors);
 }
 
 Hierarchy::~Hierarchy() = default;

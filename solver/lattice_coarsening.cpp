@@ -267,6 +267,30 @@ std::vector<int> aggregate(const LevelMatrix& matrix, int& count) {
 
 }  // namespace
 
+Eigen::AlignedBox3d box_around(const Field3& positions, ThreadTeam& team) {
+  const int n = static_cast<int>(positions.rows());
+  const int blocks = even_block_count(n, kItemsPerBlock);
+  std::vector<Eigen::AlignedBox3d> boxes(static_cast<std::size_t>(blocks));
+  std::vector<char> finite(static_cast<std::size_t>(blocks), 0);
+  team.for_each_block(blocks, [&](int block) {
+    Eigen::AlignedBox3d box;
+    bool all_finite = true;
+    for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
+      const Eigen::Vector3d position = positions.row(i).transpose();
+      all_finite &= position.allFinite();
+      box.extend(position);
+    }
+    boxes[block] = box;
+    finite[block] = all_finite ? 1 : 0;
+  });
+  Eigen::AlignedBox3d box;
+  for (int block = 0; block < blocks; ++block) {
+    if (finite[block] == 0) return {};
+    box.extend(boxes[block]);
+  }
+  return box;
+}
+
 double mean_edge_length(const LevelMatrix& matrix, const Field3& positions, ThreadTeam& team) {
   const int stride = std::max(1, matrix.size() / kSampledNodes);
   const int samples = (matrix.size() + stride - 1) / stride;
@@ -300,7 +324,7 @@ void trilinear_weights(const float* place, float* weights) {
 PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& positions, double cell,
                                    ThreadTeam& team) {
   const int n = matrix.size();
-  const Eigen::RowVector3d origin = positions.colwise().minCoeff();
+  const Eigen::Vector3d origin = box_around(positions, team).min();
   LargeVector<Cell> cell_of_node(static_cast<std::size_t>(n));
   LargeVector<CellKey> key_of_node(static_cast<std::size_t>(n));
   for_items(team, n, kItemsPerBlock, [&](int i) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Geometry>
+
 #include "solver/field.h"
 #include "solver/hierarchy_levels.h"
 #include "solver/thread_team.h"
@@ -13,7 +15,11 @@ struct PieceCoarsening {
   Field3 positions;  ///< of the coarse nodes, n_coarse x 3, in units of the lattice cell (a fresh origin)
 };
 
-/// Mean distance between neighbors, of some ten thousands of evenly spread nodes in a larger graph; 0 for a graph without edges. The same for any team.
+/// The smallest box around the positions; empty where there are none, or one is not finite.
+Eigen::AlignedBox3d box_around(const Field3& positions, ThreadTeam& team);
+
+/// Mean distance between neighbors, of some ten thousands of evenly spread nodes in a larger graph; 0 for a
+/// graph without edges. The same for any team.
 double mean_edge_length(const LevelMatrix& matrix, const Field3& positions, ThreadTeam& team);
 
 /// Cells a lattice may have along an axis: beyond, the coarsening is left to the aggregates.

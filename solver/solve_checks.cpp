@@ -2,8 +2,38 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
+#include <vector>
 
 namespace sinew {
+namespace {
+
+// Whether links lead from every node to an anchored one, as far as asking those that have not heard of one
+// some times over tells, in the order of their numbers and back. Where neighbors are near in number two times
+// leave hardly any.
+bool surely_anchored(const LinearSystem& system) {
+  constexpr int most_passes = 64;
+  const Graph& graph = system.graph;
+  std::vector<char> reached(static_cast<std::size_t>(graph.node_count()), 0);
+  std::vector<int> left;
+  const auto hears = [&](int node) {
+    const std::span<const int> neighbors = graph.neighbors_of(node);
+    if (std::none_of(neighbors.begin(), neighbors.end(), [&](int other) { return reached[other] != 0; }))
+      return false;
+    reached[node] = 1;
+    return true;
+  };
+  for (int node = 0; node < graph.node_count(); ++node) reached[node] = system.anchor[node] > 0 ? 1 : 0;
+  for (int node = 0; node < graph.node_count(); ++node)
+    if (reached[node] == 0 && !hears(node)) left.push_back(node);
+  for (int pass = 0; pass < most_passes && !left.empty(); ++pass) {
+    std::reverse(left.begin(), left.end());
+    if (std::erase_if(left, hears) == 0) return false;
+  }
+  return left.empty();
+}
+
+}  // namespace
 
 void check_system(const char* solver, const LinearSystem& system) {
   const int n = system.graph.node_count();
@@ -14,6 +44,7 @@ void check_system(const char* solver, const LinearSystem& system) {
     if (!(system.anchor[i] >= 0) || !std::isfinite(system.anchor[i]))
       throw std::invalid_argument(std::string(solver) + ": anchor of node " + std::to_string(i) + " is " +
                                   std::to_string(system.anchor[i]) + "; expected finite and not negative");
+  if (surely_anchored(system)) return;
   const Components components = connected_components(system.graph);
   const std::vector<int> loose = unanchored_components(system, components);
   if (loose.empty()) return;

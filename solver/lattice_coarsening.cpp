@@ -17,7 +17,7 @@ using CellKey = std::int64_t;  // the three numbers of a cell in one, for compar
 constexpr int kItemsPerBlock = 4096;
 
 /// Nodes whose edges say how long edges are.
-constexpr int kSampledNodes = 50000;
+constexpr int kSampledNodes = 10000;
 
 CellKey key_of(const Cell& cell) {
   return (static_cast<CellKey>(cell[0]) << 42) | (static_cast<CellKey>(cell[1]) << 21) | cell[2];

@@ -18,7 +18,7 @@ struct PieceCoarsening {
 /// The smallest box around the positions; empty where there are none, or one is not finite.
 Eigen::AlignedBox3d box_around(const Field3& positions, ThreadTeam& team);
 
-/// Mean distance between neighbors, of some ten thousands of evenly spread nodes in a larger graph; 0 for a
+/// Mean distance between neighbors, of ten thousand evenly spread nodes or more in a larger graph; 0 for a
 /// graph without edges. The same for any team.
 double mean_edge_length(const LevelMatrix& matrix, const Field3& positions, ThreadTeam& team);
 

@@ -17,10 +17,11 @@ namespace {
 constexpr int kRowsPerBlock = 4096;
 
 constexpr int kProbeSweeps = 2;
-constexpr int kProbeCycles = 5;
+constexpr int kProbeCycles = 4;
 
-/// What the probe may leave of numbers between -1 and 1: a quarter a cycle. The body at large keeps a fifth.
-constexpr float kStubborn = 7e-4f;
+/// What the probe may leave of numbers between -1 and 1: a fifth a cycle, as much as the body at large keeps.
+/// A fifth cycle would tell the stubborn nodes no better.
+constexpr float kStubborn = 1.8e-3f;
 
 /// Edges from the stubborn nodes to the rim of their patch, where the error that is cut off must be rough.
 constexpr int kRings = 2;

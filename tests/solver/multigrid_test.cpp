@@ -32,7 +32,8 @@ int cycles_to(double tolerance, const graphs::Problem& problem, const MultigridO
   residual(problem.system, problem.b, x, r);
   double worst = 0;
   for (int c = 0; c < 3; ++c) worst = std::max(worst, r.col(c).norm() / problem.b.col(c).norm());
-  EXPECT_NEAR(report.residual, worst, 1e-3 * worst + 1e-12) << "the report must be the true residual";
+  // The last direction is kept in single precision, its image in double: they drift apart a little.
+  EXPECT_NEAR(report.residual, worst, 1e-2 * worst + 1e-12) << "the report must be the true residual";
   return report.cycles;
 }
 
@@ -175,7 +176,8 @@ TEST(Multigrid, takes_few_cycles_whatever_the_shape) {
   for (const auto& [name, body] : graphs::awkward_bodies()) {
     // Linear interpolation has little to offer where nearly every node is a tip or a fork.
     const bool branching = name == "tree" || name == "comb";
-    EXPECT_LE(cycles_to(1e-5, graphs::bent(body)), branching ? 30 : 15) << name;
+    SCOPED_TRACE(name);
+    EXPECT_LE(cycles_to(1e-5, graphs::bent(body)), branching ? 30 : 15);
   }
   for (int n = 2; n <= 50; ++n) {
     EXPECT_LE(cycles_to(1e-5, graphs::bent(graphs::path(n))), 15) << "path of " << n;

@@ -26,6 +26,9 @@ static_assert(kBlock % kFitLanes == 0 && kBlock % Subspace::kBlock == 0);
 /// Below this, rounding of positions in single precision is what is left.
 constexpr double kLeastTolerance = 1e-6;
 
+/// A correction whose rounding takes more of the tolerance is followed by one of a new residual.
+constexpr double kRoundingShare = 0.1;
+
 using Clock = std::chrono::steady_clock;
 
 double milliseconds_since(Clock::time_point start) {
@@ -283,9 +286,14 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
   ++report.solves;
   if (!workspace) return;
   const double tolerance = std::max(options.tolerance, kLeastTolerance);
-  double error = 0.0;
+  CorrectionReport step;
   int cycles = 0;
   bool first = true;
+  const auto count = [&] {
+    cycles += std::max(step.cycles, 1);
+    report.cycles += step.cycles;
+  };
+  const auto wanting = [&] { return !(step.error_left <= tolerance) && cycles < options.max_cycles; };
   do {
     timed(FrameStage::residual, report, [&] {
       if (!first) update_records();
@@ -296,16 +304,19 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
     });
     timed(FrameStage::solve, report, [&] {
       const Reach reach = first ? starts.reach() : Reach::near;
-      const CorrectionReport step = rig.solver->correct(reach, *workspace);
+      step = rig.solver->correct(reach, *workspace);
       if (reach == Reach::far) report.full_cycles += step.cycles;
       if (reach == Reach::light) report.light_cycles += step.cycles;
-      error = step.error_left;
+      count();
+      while (wanting() && step.rounding <= kRoundingShare * tolerance) {
+        step = rig.solver->correct_further(*workspace);
+        count();
+      }
       advance(first);
-      cycles += std::max(step.cycles, 1);
-      report.cycles += step.cycles;
     });
     first = false;
-  } while (!(error <= tolerance) && cycles < options.max_cycles);
+  } while (wanting());
+  const double error = step.error_left;
   starts.judge();
   report.error = error <= report.error ? report.error : error;
   report.converged = report.converged && error <= tolerance;

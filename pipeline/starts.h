@@ -59,7 +59,7 @@ class Starts {
     now()[slot] = answer - base(before);
     return answer;
   }
-  /// A later cycle of the same solve moved the answer.
+  /// A correction from where that ended moved the answer.
   void move(int slot, const Eigen::Vector4f& step) { now()[slot] += step; }
 
   /// After each solve: how wrong every mixture would have been on the sampled nodes.

@@ -127,8 +127,13 @@ Cycle<kWidth>::Cycle(const Hierarchy::Members& hierarchy, int sweeps, ThreadTeam
 
 template <int kWidth>
 void Cycle<kWidth>::v_cycle() {
+  if (last_level() > 0) clear(0);
+  further_v_cycle();
+}
+
+template <int kWidth>
+void Cycle<kWidth>::further_v_cycle() {
   if (last_level() == 0) return solve_last_level();
-  clear(0);
   improve(0);
 }
 

@@ -53,6 +53,8 @@ class Cycle {
 
   /// solution ~ A^-1 right_hand_side, from zero.
   void v_cycle();
+  /// The same from whatever is in the solution.
+  void further_v_cycle();
   /// The same by full multigrid: the coarsest level first, one V-cycle on each finer one. A level
   /// that is finished_by_smoothing gets no V-cycle [Bornemann, Deuflhard 1996]: the coarse answer is already
   /// the best one of its kind, and what is left is rough.

@@ -64,6 +64,8 @@ class CorrectionWorkspace {
 struct CorrectionReport {
   int cycles = 0;         ///< as SolveReport::cycles
   double error_left = 0;  ///< estimate: the largest error of any node left, in the unit of the correction
+  /// What single precision leaves of that: only a correction of the residual at the new place takes it away.
+  double rounding = 0;
 };
 
 /// The one interface all solvers stand behind: prepared once for a matrix, asked every frame.
@@ -89,6 +91,11 @@ class LinearSolver {
   /// answer does not depend on the number of threads. Throws std::invalid_argument when the workspace was made by
   /// another solver.
   virtual CorrectionReport correct(Reach reach, CorrectionWorkspace& workspace) const;
+
+  /// Where that left too much: the workspace's correction for the same residual once more, now from itself.
+  /// Multigrid adds a V-cycle, solvers without cycles go on to 1e-10. Cheaper than another residual and another
+  /// correct(), but CorrectionReport::rounding stays. Otherwise as correct().
+  virtual CorrectionReport correct_further(CorrectionWorkspace& workspace) const;
 
   virtual std::string name() const = 0;
   virtual int size() const = 0;           ///< n

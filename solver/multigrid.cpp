@@ -32,6 +32,9 @@ constexpr double kErrorLeftLight = 0.5;
 // What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.
 constexpr double kSinglePrecision = 1e-5;
 
+// What rounding of the correction itself leaves, however many cycles follow.
+constexpr double kSingleRounding = 1e-6;
+
 // The finest matrix in double, on the index arrays of the hierarchy's finest level.
 struct FineSystem {
   const LevelMatrix* structure = nullptr;
@@ -79,32 +82,41 @@ struct CorrectionCycle : CorrectionWorkspace {
     const auto n = static_cast<std::size_t>(made_for.members().matrices.front().size());
     residual = {finest.b.as<Eigen::Vector4f>(), n};
     correction = {finest.x.as<Eigen::Vector4f>(), n};
-    interpolated = AlignedMemory(n * sizeof(Eigen::Vector4f));
+    kept = AlignedMemory(n * sizeof(Eigen::Vector4f));
     of_blocks.resize(even_block_count(static_cast<int>(n), kRowsPerBlock));
   }
   const Hierarchy* hierarchy;
   CycleMemory memory;
-  AlignedMemory interpolated;  // n rows
+  AlignedMemory kept;  // n rows
   std::vector<Longest> of_blocks;
 };
 
-Longest longest_rows(ThreadTeam& team, std::span<const Eigen::Vector4f> rows, const Eigen::Vector4f* before,
-                     std::vector<Longest>& of_blocks) {
-  const int n = static_cast<int>(rows.size()), blocks = static_cast<int>(of_blocks.size());
+// The correction as it is now, for longest_rows to compare with.
+const Eigen::Vector4f* keep(ThreadTeam& team, CorrectionCycle& own) {
+  auto* const kept = own.kept.as<Eigen::Vector4f>();
+  for_runs(team, static_cast<int>(own.correction.size()), kRowsPerBlock, [&](int begin, int end) {
+    std::copy(own.correction.begin() + begin, own.correction.begin() + end, kept + begin);
+  });
+  return kept;
+}
+
+Longest longest_rows(ThreadTeam& team, CorrectionCycle& own, const Eigen::Vector4f* before) {
+  const std::span<const Eigen::Vector4f> rows = own.correction;
+  const int n = static_cast<int>(rows.size()), blocks = static_cast<int>(own.of_blocks.size());
   // Written so that what is not a number passes for large.
-  const auto keep = [](float& largest, float square) { largest = square <= largest ? largest : square; };
+  const auto raise = [](float& largest, float square) { largest = square <= largest ? largest : square; };
   team.for_each_block(blocks, [&](int block) {
     Longest longest;
     for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
-      keep(longest.row, rows[i].squaredNorm());
-      if (before) keep(longest.step, (rows[i] - before[i]).squaredNorm());
+      raise(longest.row, rows[i].squaredNorm());
+      if (before) raise(longest.step, (rows[i] - before[i]).squaredNorm());
     }
-    of_blocks[block] = longest;
+    own.of_blocks[block] = longest;
   });
   Longest all;
-  for (const Longest& longest : of_blocks) {
-    keep(all.row, longest.row);
-    keep(all.step, longest.step);
+  for (const Longest& longest : own.of_blocks) {
+    raise(all.row, longest.row);
+    raise(all.step, longest.step);
   }
   return all;
 }
@@ -439,6 +451,15 @@ struct MultigridSolver::Members {
         .run(solve_options);
   }
 
+  CorrectionCycle& checked_correction(CorrectionWorkspace& workspace) const {
+    auto* const own = dynamic_cast<CorrectionCycle*>(&workspace);
+    if (own == nullptr || own->hierarchy != &hierarchy) refuse_correction_workspace("MultigridSolver");
+    return *own;
+  }
+  Cycle<4> correction_cycle(Reach reach, CorrectionCycle& own) const {
+    return {hierarchy.members(), sweeps_for(options, reach), team, own.memory};
+  }
+
   // b = beta + sum of w * wanted.
   void sum_targets(const EdgeTargets& targets, Columns& b) const {
     const LevelMatrix& structure = *system.structure;
@@ -503,22 +524,30 @@ std::unique_ptr<CorrectionWorkspace> MultigridSolver::make_correction_workspace(
 }
 
 CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& workspace) const {
-  auto* const own = dynamic_cast<CorrectionCycle*>(&workspace);
-  if (own == nullptr || own->hierarchy != &members_->hierarchy)
-    refuse_correction_workspace("MultigridSolver");
-  Cycle<4> cycle(members_->hierarchy.members(), sweeps_for(members_->options, reach), members_->team,
-                 own->memory);
+  CorrectionCycle& own = members_->checked_correction(workspace);
+  Cycle<4> cycle = members_->correction_cycle(reach, own);
   if (reach != Reach::far) {
     cycle.v_cycle();
-    const Longest longest = longest_rows(members_->team, own->correction, nullptr, own->of_blocks);
-    return {1, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * std::sqrt(longest.row)};
+    const double longest = std::sqrt(longest_rows(members_->team, own, nullptr).row);
+    return {1, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * longest,
+            kSingleRounding * longest};
   }
-  auto* const interpolated = own->interpolated.as<Eigen::Vector4f>();
   cycle.descend();
-  std::copy(own->correction.begin(), own->correction.end(), interpolated);
+  const Eigen::Vector4f* const interpolated = keep(members_->team, own);
   cycle.finish();
-  const Longest longest = longest_rows(members_->team, own->correction, interpolated, own->of_blocks);
-  return {1, kErrorLeftFar * std::sqrt(longest.step) + kSinglePrecision * std::sqrt(longest.row)};
+  const Longest longest = longest_rows(members_->team, own, interpolated);
+  const double row = std::sqrt(longest.row);
+  return {1, kErrorLeftFar * std::sqrt(longest.step) + kSinglePrecision * row, kSingleRounding * row};
+}
+
+CorrectionReport MultigridSolver::correct_further(CorrectionWorkspace& workspace) const {
+  CorrectionCycle& own = members_->checked_correction(workspace);
+  Cycle<4> cycle = members_->correction_cycle(Reach::near, own);
+  const Eigen::Vector4f* const before = keep(members_->team, own);
+  cycle.further_v_cycle();
+  const Longest longest = longest_rows(members_->team, own, before);
+  const double rounding = kSingleRounding * std::sqrt(longest.row);
+  return {1, kErrorLeftNear * std::sqrt(longest.step) + rounding, rounding};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

@@ -38,7 +38,8 @@ TEST(FreeNodes, are_all_nodes_that_are_not_constrained_each_once) {
     for (int node = 0; node < volume.node_count(); ++node) {
       ASSERT_EQ(nodes.count(node), constrained[node] ? 0u : 1u);
       ASSERT_EQ(free.free_of_node[node] < 0, constrained[node]);
-      if (!constrained[node]) ASSERT_EQ(free.node_of_free[free.free_of_node[node]], node);
+      if (constrained[node]) continue;
+      ASSERT_EQ(free.node_of_free[free.free_of_node[node]], node);
     }
   }
 }

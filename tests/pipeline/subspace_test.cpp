@@ -253,7 +253,7 @@ TEST_P(SubspaceForms, frames_that_start_from_it_have_the_answer_of_those_that_st
 }
 
 INSTANTIATE_TEST_SUITE_P(BothForms, SubspaceForms, testing::Values(Deform::refined, Deform::paper),
-                         [](const auto& info) { return info.param == Deform::paper ? "paper" : "refined"; });
+                         [](const auto& form) { return form.param == Deform::paper ? "paper" : "refined"; });
 
 TEST(Subspace, what_a_rig_lacks_is_refused) {
   ThreadTeam team(1);

@@ -53,6 +53,34 @@ TEST(Correction, refinement_with_any_solver_ends_at_the_direct_answer) {
   }
 }
 
+TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_precision) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
+  ThreadTeam team(1);
+  const CholeskySolver direct(problem.system);
+  Columns wanted(problem.b.rows(), 3);
+  direct.solve(problem.b, wanted, {}, *direct.make_workspace(3));
+  const auto largest = [](const Columns& rows) { return rows.rowwise().norm().maxCoeff(); };
+  for (const auto& solver : all_solvers(problem.system, team)) {
+    const auto workspace = solver->make_correction_workspace();
+    for (Eigen::Index i = 0; i < problem.b.rows(); ++i)
+      workspace->residual[i] << problem.b.row(i).transpose().cast<float>(), 0.0f;
+    const auto error = [&] {
+      Columns left = wanted;
+      for (Eigen::Index i = 0; i < left.rows(); ++i)
+        left.row(i) -= workspace->correction[i].head<3>().cast<double>().transpose();
+      return largest(left);
+    };
+    double left = solver->correct(Reach::near, *workspace).error_left;
+    EXPECT_LT(error(), 2 * left) << solver->name();
+    for (int cycle = 0; cycle < 12; ++cycle) {
+      left = solver->correct_further(*workspace).error_left;
+      EXPECT_LT(error(), 2 * left) << solver->name() << ", cycle " << cycle;
+    }
+    EXPECT_LT(error(), 1e-6 * largest(wanted)) << solver->name();
+    EXPECT_LT(left, 2e-6 * largest(wanted)) << solver->name();
+  }
+}
+
 TEST(Correction, one_far_reaching_cycle_leaves_less_than_a_hundredth) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
   ThreadTeam team(1);
@@ -77,6 +105,7 @@ TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
     const long before = allocation_count();
     solver.correct(Reach::far, *workspace);
     solver.correct(Reach::near, *workspace);
+    solver.correct_further(*workspace);
     EXPECT_EQ(allocation_count(), before);
     answers[threads - 1].assign(workspace->correction.begin(), workspace->correction.end());
   }
@@ -92,6 +121,8 @@ TEST(Correction, a_workspace_of_another_solver_is_refused) {
             "MultigridSolver::correct: the workspace was made by another solver");
   EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, *solvers[2]->make_correction_workspace()); }),
             "cholesky::correct: the workspace was made by another solver");
+  EXPECT_EQ(refusal([&] { solvers[0]->correct_further(*solvers[1]->make_correction_workspace()); }),
+            "MultigridSolver::correct: the workspace was made by another solver");
 }
 
 }  // namespace

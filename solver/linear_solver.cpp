@@ -23,7 +23,8 @@ struct SolvedCorrection : CorrectionWorkspace {
 
   CorrectionReport solve_to(const SolveOptions& options) {
     const SolveReport report = solver->solve(b, x, options, *workspace);
-    for (int i = 0; i < solver->size(); ++i) correction_rows[i].head<3>() = x.row(i).transpose().cast<float>();
+    for (int i = 0; i < solver->size(); ++i)
+      correction_rows[i].head<3>() = x.row(i).transpose().cast<float>();
     const double largest = x.rowwise().norm().maxCoeff(), rounding = kRounding * largest;
     return {report.cycles, kErrorOfResidual * options.tolerance * largest + rounding, rounding};
   }

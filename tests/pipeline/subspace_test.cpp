@@ -278,7 +278,8 @@ TEST(Subspace, what_a_rig_lacks_is_refused) {
             "Preview::answer: got 0 joints; the rig has 3");
   Field3 few(3, 3);
   EXPECT_EQ(message([&] { Preview(rig, team).answer(bent_arm(10), few); }),
-            "Preview::answer: got 3 rows; the surface has " + std::to_string(rig.volume.surface_count) + " vertices");
+            "Preview::answer: got 3 rows; the surface has " + std::to_string(rig.volume.surface_count) +
+                " vertices");
 }
 
 Motion bending() {

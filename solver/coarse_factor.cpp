@@ -43,20 +43,24 @@ CoarseFactor::CoarseFactor(const SparseMatrix& A) {
   ColumnMatrix lifted = Eigen::Map<const ColumnMatrix>(A.rows(), A.cols(), A.nonZeros(), A.outerIndexPtr(),
                                                        A.innerIndexPtr(), A.valuePtr());
   const Field diagonal = A.diagonal();
-  for (Eigen::Index i = 0; i < lifted.rows(); ++i) lifted.coeffRef(i, i) += kDiagonalLift * diagonal[i];
+  // A row of zeros gets some pivot: the factorisation stops where there is none.
+  for (Eigen::Index i = 0; i < lifted.rows(); ++i)
+    lifted.coeffRef(i, i) = diagonal[i] > 0 ? (1 + kDiagonalLift) * diagonal[i] : 1.0;
   const Eigen::VectorXi order = minimum_degree_order(lifted);
   const Eigen::PermutationMatrix<Eigen::Dynamic> place_of_row =
       Eigen::PermutationMatrix<Eigen::Dynamic>(order).inverse();
   ColumnMatrix ordered;
   ordered.selfadjointView<Eigen::Lower>() = lifted.selfadjointView<Eigen::Lower>().twistedBy(place_of_row);
   const Eigen::SimplicialLDLT<ColumnMatrix, Eigen::Lower, Eigen::NaturalOrdering<int>> factor(ordered);
+  if (factor.info() != Eigen::Success) throw std::runtime_error("CoarseFactor: the matrix has no factor");
   const auto n = static_cast<std::size_t>(A.rows());
   const ColumnMatrix& L = factor.matrixL().nestedExpression();
   order_.assign(order.begin(), order.end());
   inverse_pivots_.resize(n);
   for (std::size_t k = 0; k < n; ++k) {
     const double pivot = factor.vectorD()[k];
-    inverse_pivots_[k] = pivot > kSmallestPivot * diagonal[order_[k]] ? static_cast<float>(1 / pivot) : 0.0f;
+    const bool rounding = !(diagonal[order_[k]] > 0) || !(pivot > kSmallestPivot * diagonal[order_[k]]);
+    inverse_pivots_[k] = rounding ? 0.0f : static_cast<float>(1 / pivot);
   }
   std::vector<int> starts = {0}, rows;
   std::vector<float> values;

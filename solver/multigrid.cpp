@@ -49,7 +49,7 @@ struct MultigridWorkspace : SolverWorkspace {
     const int n = made_for.members().matrices.front().size();
     const auto row = static_cast<std::size_t>(lanes_for(column_count));
     residual = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
-    direction = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(float));
+    direction = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
     image = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
     new_image = AlignedMemory(static_cast<std::size_t>(n) * row * sizeof(double));
     block_sums = AlignedMemory(static_cast<std::size_t>(even_block_count(n, kRowsPerBlock)) * kSums * row *
@@ -59,7 +59,7 @@ struct MultigridWorkspace : SolverWorkspace {
   int columns;
   CycleMemory cycle;
   AlignedMemory residual;   // n rows, double
-  AlignedMemory direction;  // n rows, single
+  AlignedMemory direction;  // n rows, double
   AlignedMemory image;      // A direction: n rows, double
   AlignedMemory new_image;  // A times the last cycle's answer: n rows, double
   AlignedMemory block_sums;
@@ -145,7 +145,7 @@ class GroupSolve {
         x_(x.data() + first),
         x_stride_(x.outerStride()),
         residual_(workspace.residual.as<Double>()),
-        direction_(workspace.direction.as<Float>()),
+        direction_(workspace.direction.as<Double>()),
         image_(workspace.image.as<Double>()),
         new_image_(workspace.new_image.as<Double>()),
         block_sums_(workspace.block_sums.as<Double>()) {}
@@ -302,12 +302,14 @@ class GroupSolve {
   // Of the step just taken. The last vector a step moves along is still there, so the maximum can wait
   // until it is asked for.
   double largest_change() {
-    const Float* const moved = has_direction_ ? direction_ : cycle_.solution();
+    const auto moved = [this, z = cycle_.solution()](int i) {
+      return has_direction_ ? direction_[i] : __builtin_convertvector(z[i], Double);
+    };
     team_.for_each_block(blocks_, [&](int block) {
       Double largest{};
       const int end = even_block_begin(n_, blocks_, block + 1);
       for (int i = even_block_begin(n_, blocks_, block); i < end; ++i) {
-        const Double size = __builtin_convertvector(moved[i] < 0 ? -moved[i] : moved[i], Double);
+        const Double step = moved(i), size = step < 0 ? -step : step;
         largest = size > largest ? size : largest;
       }
       block_sums_[kSums * block] = largest;
@@ -353,12 +355,11 @@ class GroupSolve {
         partial[2] += own * image_[i];
       }
     });
-    Float share{};
+    Double share{};
     for (int c = 0; c < width_; ++c) {
-      share[c] = energy_[c] > 0 ? static_cast<float>(-products[2][c] / energy_[c]) : 0.0f;
-      const double exact = share[c];
+      share[c] = energy_[c] > 0 ? -products[2][c] / energy_[c] : 0.0;
       // The residual is orthogonal to p since the step along it.
-      energy_[c] = products[0][c] + 2 * exact * products[2][c] + exact * exact * energy_[c];
+      energy_[c] = products[0][c] + 2 * share[c] * products[2][c] + share[c] * share[c] * energy_[c];
       step_[c] = energy_[c] > 0 ? products[1][c] / energy_[c] : 0.0;
     }
     move_along(z, share);
@@ -369,20 +370,19 @@ class GroupSolve {
     energy_ = Double{};
     team_.for_each_block(blocks_, [&](int block) {
       const int begin = even_block_begin(n_, blocks_, block), end = even_block_begin(n_, blocks_, block + 1);
-      std::fill(direction_ + begin, direction_ + end, Float{});
+      std::fill(direction_ + begin, direction_ + end, Double{});
       std::fill(image_ + begin, image_ + end, Double{});
     });
   }
 
   // p <- z + share p, x += step p, r -= step A p.
-  void move_along(const Float* z, const Float& share) {
-    const Double step = step_, exact_share = __builtin_convertvector(share, Double);
+  void move_along(const Float* z, const Double& share) {
+    const Double step = step_;
     residual_size_ = sum_over_nodes([&](int begin, int end, auto& partial) {
       for (int i = begin; i < end; ++i) {
-        const Double p = __builtin_convertvector(z[i], Double) +
-                         exact_share * __builtin_convertvector(direction_[i], Double);
-        const Double Ap = new_image_[i] + exact_share * image_[i];
-        direction_[i] = __builtin_convertvector(p, Float);
+        const Double p = __builtin_convertvector(z[i], Double) + share * direction_[i];
+        const Double Ap = new_image_[i] + share * image_[i];
+        direction_[i] = p;
         image_[i] = Ap;
         store(load(x_row(i)) + step * p, x_row(i));
         const Double r = residual_[i] - step * Ap;
@@ -403,7 +403,7 @@ class GroupSolve {
   double* x_;
   Eigen::Index x_stride_;
   Double* residual_;
-  Float* direction_;
+  Double* direction_;
   Double* image_;
   Double* new_image_;
   Double* block_sums_;

@@ -16,7 +16,7 @@ class CoarseFactor {
  public:
   CoarseFactor() = default;  ///< of nothing
   /// `A` symmetric. Directions in which A is zero to rounding (coarse nodes that repeat one another)
-  /// get no correction.
+  /// get no correction, rows of zeros among them. Throws std::runtime_error when there is no factor.
   explicit CoarseFactor(const SparseMatrix& A);
 
   int size() const { return static_cast<int>(inverse_pivots_.size()); }

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "graphs.h"
-#include "solver/multigrid.h"
 
 namespace sinew {
 namespace {

@@ -23,6 +23,18 @@ std::vector<std::unique_ptr<LinearSolver>> all_solvers(const LinearSystem& syste
   return solvers;
 }
 
+void set_residual(const Columns& rows, CorrectionWorkspace& workspace) {
+  for (Eigen::Index i = 0; i < rows.rows(); ++i)
+    workspace.residual[i] << rows.row(i).transpose().cast<float>(), 0.0f;
+}
+
+Columns direct_answer(const graphs::Problem& problem) {
+  const CholeskySolver direct(problem.system);
+  Columns answer(problem.b.rows(), 3);
+  direct.solve(problem.b, answer, {}, *direct.make_workspace(3));
+  return answer;
+}
+
 // x <- x + correction of b - A x, `steps` times, the first one far, the others as far as `later` says.
 void refine(const LinearSolver& solver, const graphs::Problem& problem, int steps, Columns& x,
             Reach later = Reach::near) {
@@ -30,8 +42,7 @@ void refine(const LinearSolver& solver, const graphs::Problem& problem, int step
   Columns r;
   for (int step = 0; step < steps; ++step) {
     residual(problem.system, problem.b, x, r);
-    for (Eigen::Index i = 0; i < r.rows(); ++i)
-      workspace->residual[i] << r.row(i).transpose().cast<float>(), 0.0f;
+    set_residual(r, *workspace);
     EXPECT_GE(solver.correct(step == 0 ? Reach::far : later, *workspace).cycles, 0);
     for (Eigen::Index i = 0; i < r.rows(); ++i)
       x.row(i) += workspace->correction[i].head<3>().cast<double>().transpose();
@@ -41,9 +52,7 @@ void refine(const LinearSolver& solver, const graphs::Problem& problem, int step
 TEST(Correction, refinement_with_any_solver_ends_at_the_direct_answer) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
   ThreadTeam team(1);
-  const CholeskySolver direct(problem.system);
-  Columns wanted(problem.b.rows(), 3);
-  direct.solve(problem.b, wanted, {}, *direct.make_workspace(3));
+  const Columns wanted = direct_answer(problem);
   for (const auto& solver : all_solvers(problem.system, team)) {
     for (const Reach later : {Reach::near, Reach::light}) {
       Columns x = Columns::Zero(problem.b.rows(), 3);
@@ -56,14 +65,11 @@ TEST(Correction, refinement_with_any_solver_ends_at_the_direct_answer) {
 TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_precision) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
   ThreadTeam team(1);
-  const CholeskySolver direct(problem.system);
-  Columns wanted(problem.b.rows(), 3);
-  direct.solve(problem.b, wanted, {}, *direct.make_workspace(3));
+  const Columns wanted = direct_answer(problem);
   const auto largest = [](const Columns& rows) { return rows.rowwise().norm().maxCoeff(); };
   for (const auto& solver : all_solvers(problem.system, team)) {
     const auto workspace = solver->make_correction_workspace();
-    for (Eigen::Index i = 0; i < problem.b.rows(); ++i)
-      workspace->residual[i] << problem.b.row(i).transpose().cast<float>(), 0.0f;
+    set_residual(problem.b, *workspace);
     const auto error = [&] {
       Columns left = wanted;
       for (Eigen::Index i = 0; i < left.rows(); ++i)
@@ -85,9 +91,7 @@ TEST(Correction, one_far_reaching_cycle_leaves_less_than_a_hundredth) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
   ThreadTeam team(1);
   const MultigridSolver solver(problem.system, {}, team);
-  const CholeskySolver direct(problem.system);
-  Columns wanted(problem.b.rows(), 3);
-  direct.solve(problem.b, wanted, {}, *direct.make_workspace(3));
+  const Columns wanted = direct_answer(problem);
   Columns x = Columns::Zero(problem.b.rows(), 3);
   refine(solver, problem, 1, x);
   EXPECT_LT((x - wanted).cwiseAbs().maxCoeff(), 0.01 * wanted.cwiseAbs().maxCoeff());
@@ -100,8 +104,7 @@ TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
     ThreadTeam team(threads);
     const MultigridSolver solver(problem.system, {}, team);
     const auto workspace = solver.make_correction_workspace();
-    for (Eigen::Index i = 0; i < problem.b.rows(); ++i)
-      workspace->residual[i] << problem.b.row(i).transpose().cast<float>(), 0.0f;
+    set_residual(problem.b, *workspace);
     const long before = allocation_count();
     solver.correct(Reach::far, *workspace);
     solver.correct(Reach::near, *workspace);

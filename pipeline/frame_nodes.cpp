@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "solver/wide.h"
+
 namespace sinew {
 namespace {
 
@@ -14,8 +16,8 @@ constexpr double kFlat = 1e-3;
 /// records of a large body do not fit the second level. As many entries behind the last link make that safe.
 constexpr int kAhead = 48;
 
-typedef float Vector8 __attribute__((vector_size(32), may_alias));
-typedef float Vector16 __attribute__((vector_size(64), may_alias));
+using Vector8 = Wide<float, 8>;
+using Vector16 = Wide<float, 16>;
 
 Eigen::Vector4f with_zero(const Eigen::Vector3d& vector) {
   Eigen::Vector4f four = Eigen::Vector4f::Zero();
@@ -30,18 +32,57 @@ inline const Vector8& as_vector(const NodePlace& place) {
   return reinterpret_cast<const Vector8&>(place);
 }
 
+/// Four numbers of a register from `first` on, each in all of one quarter.
+template <int first, typename Register>
+inline Vector16 each_in_a_quarter(const Register& v) {
+  constexpr int a = first, b = first + 1, c = first + 2, d = first + 3;
+  if constexpr (kRegisterFloats >= 16)
+    return __builtin_shufflevector(v, v, a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d);
+  else if constexpr (kRegisterFloats >= 8)
+    return {__builtin_shufflevector(v, v, a, a, a, a, b, b, b, b),
+            __builtin_shufflevector(v, v, c, c, c, c, d, d, d, d)};
+  else
+    return {{__builtin_shufflevector(v, v, a, a, a, a), __builtin_shufflevector(v, v, b, b, b, b)},
+            {__builtin_shufflevector(v, v, c, c, c, c), __builtin_shufflevector(v, v, d, d, d, d)}};
+}
+
 /// Rest coordinate k in all of column k; the last four are the rest's own zero.
-inline Vector16 spread_rest(const Vector16& v) {
-  return __builtin_shufflevector(v, v, 12, 12, 12, 12, 13, 13, 13, 13, 14, 14, 14, 14, 15, 15, 15, 15);
+template <typename Vector>
+inline Vector16 spread_rest(const Vector& v) {
+  if constexpr (kIsHalved<Vector>)
+    return spread_rest(v.high);
+  else
+    return each_in_a_quarter<kRegisterFloats - 4>(v);
+}
+
+/// The rest coordinates of an edge, likewise, and where it points now in every column.
+template <typename Vector>
+inline Vector16 spread_rest_of_place(const Vector& edge) {
+  if constexpr (kIsHalved<Vector>)
+    return each_in_a_quarter<0>(edge.low);
+  else
+    return each_in_a_quarter<0>(edge);
+}
+template <typename Vector>
+inline Vector16 repeat_now_of_place(const Vector& edge) {
+  if constexpr (kRegisterFloats >= 16) {
+    return __builtin_shufflevector(edge, edge, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7);
+  } else if constexpr (kRegisterFloats >= 8) {
+    const auto twice = __builtin_shufflevector(edge, edge, 4, 5, 6, 7, 4, 5, 6, 7);
+    return {twice, twice};
+  } else {
+    return {{edge.high, edge.high}, {edge.high, edge.high}};
+  }
 }
 
 inline Eigen::Vector4f sum_of_columns(const Vector16& v) {
-  return {v[0] + v[4] + v[8], v[1] + v[5] + v[9], v[2] + v[6] + v[10], 0.0f};
+  const Wide<float, 4> sum = quarter<0>(v) + quarter<1>(v) + quarter<2>(v);
+  return {sum[0], sum[1], sum[2], 0.0f};
 }
 
 /// The fourth numbers of the columns.
 inline Eigen::Vector4f positions_of(const Vector16& v) {
-  return {v[3], v[7], v[11], 0.0f};
+  return {quarter<0>(v)[3], quarter<1>(v)[3], quarter<2>(v)[3], 0.0f};
 }
 
 /// sum_j w 1/2 (s_i R_i + s_j R_j) (x0_i - x0_j), and sum_j w (x_i - x_j).
@@ -85,13 +126,13 @@ void sum_row_edges(const FrameNodes& nodes, int slot, int lane, FitBatch& batch)
   for (int k = nodes.offsets[slot]; k < end; ++k) {
     __builtin_prefetch(&nodes.places[nodes.neighbors[k + kAhead]]);
     const Vector8 edge = own - as_vector(nodes.places[nodes.neighbors[k]]);
-    const Vector16 rest = __builtin_shufflevector(edge, edge, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
-    Vector16 now = __builtin_shufflevector(edge, edge, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7);
+    Vector16 now = repeat_now_of_place(edge);
     if constexpr (!kUniform) now *= nodes.weights[k];
-    sum += rest * now;
+    sum += spread_rest_of_place(edge) * now;
   }
+  const Wide<float, 4> columns[3] = {quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)};
   for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) batch.sum[3 * row + column][lane] = sum[4 * column + row];
+    for (int column = 0; column < 3; ++column) batch.sum[3 * row + column][lane] = columns[column][row];
   }
 }
 

@@ -9,8 +9,8 @@
 namespace sinew {
 namespace {
 
-typedef float Wide __attribute__((vector_size(kFitLanes * sizeof(float))));
-typedef int WideInt __attribute__((vector_size(kFitLanes * sizeof(int))));
+using Floats = Wide<float, kFitLanes>;
+using Integers = Wide<int, kFitLanes>;
 
 /// Newton doubles the digits each time; from a blended rotation two or three steps are the rule.
 constexpr int kMostSteps = 8;
@@ -27,20 +27,22 @@ constexpr float kLeastCurvature = 1e-9f;
 constexpr float kMostVolumeRatio = 8.0f;
 constexpr float kMostScale = 1.3f;
 
-Wide load(const float (&values)[kFitLanes]) {
-  Wide wide;
+Floats load(const float (&values)[kFitLanes]) {
+  Floats wide;
   std::memcpy(&wide, values, sizeof wide);
   return wide;
 }
 
-void store(const Wide& wide, float (&values)[kFitLanes]) { std::memcpy(values, &wide, sizeof wide); }
+void store(const Floats& wide, float (&values)[kFitLanes]) {
+  std::memcpy(values, &wide, sizeof wide);
+}
 
 struct WideMatrix {
-  Wide at[3][3];
+  Floats at[3][3];
 };
 
 struct WideQuaternion {
-  Wide x, y, z, w;
+  Floats x, y, z, w;
 };
 
 WideMatrix load_sum(const FitBatch& batch) {
@@ -56,7 +58,7 @@ WideQuaternion load_rotation(const FitBatch& batch) {
 }
 
 void matrix_of(const WideQuaternion& q, WideMatrix& R) {
-  const Wide s = 2.0f / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  const Floats s = 2.0f / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
   R.at[0][0] = 1.0f - s * (q.y * q.y + q.z * q.z);
   R.at[1][1] = 1.0f - s * (q.x * q.x + q.z * q.z);
   R.at[2][2] = 1.0f - s * (q.x * q.x + q.y * q.y);
@@ -79,33 +81,33 @@ void turned_back(const WideMatrix& R, const WideMatrix& S, WideMatrix& B) {
 }
 
 struct WideVector {
-  Wide x, y, z;
+  Floats x, y, z;
 };
 
 /// The turn that Newton's method wants: curvature^-1 slope, or a share of the slope where the curvature
 /// points the wrong way (the slope never does).
 void wanted_turn(const WideMatrix& B, WideVector& turn) {
   const WideVector slope = {B.at[2][1] - B.at[1][2], B.at[0][2] - B.at[2][0], B.at[1][0] - B.at[0][1]};
-  const Wide a = B.at[1][1] + B.at[2][2] + kStiffness;
-  const Wide b = B.at[0][0] + B.at[2][2] + kStiffness;
-  const Wide c = B.at[0][0] + B.at[1][1] + kStiffness;
-  const Wide d = -0.5f * (B.at[0][1] + B.at[1][0]);
-  const Wide e = -0.5f * (B.at[0][2] + B.at[2][0]);
-  const Wide f = -0.5f * (B.at[1][2] + B.at[2][1]);
-  const Wide cofactor_a = b * c - f * f;
-  const Wide cofactor_d = e * f - d * c;
-  const Wide cofactor_e = d * f - b * e;
-  const Wide determinant = a * cofactor_a + d * cofactor_d + e * cofactor_e;
-  const WideInt curved = (a > 0.0f) & (a * b - d * d > 0.0f) & (determinant > kLeastCurvature);
-  const Wide newton = 1.0f / (curved ? determinant : Wide{} + 1.0f);
+  const Floats a = B.at[1][1] + B.at[2][2] + kStiffness;
+  const Floats b = B.at[0][0] + B.at[2][2] + kStiffness;
+  const Floats c = B.at[0][0] + B.at[1][1] + kStiffness;
+  const Floats d = -0.5f * (B.at[0][1] + B.at[1][0]);
+  const Floats e = -0.5f * (B.at[0][2] + B.at[2][0]);
+  const Floats f = -0.5f * (B.at[1][2] + B.at[2][1]);
+  const Floats cofactor_a = b * c - f * f;
+  const Floats cofactor_d = e * f - d * c;
+  const Floats cofactor_e = d * f - b * e;
+  const Floats determinant = a * cofactor_a + d * cofactor_d + e * cofactor_e;
+  const Integers curved = (a > 0.0f) & (a * b - d * d > 0.0f) & (determinant > kLeastCurvature);
+  const Floats newton = 1.0f / (curved ? determinant : Floats{} + 1.0f);
   turn.x = curved ? newton * (cofactor_a * slope.x + cofactor_d * slope.y + cofactor_e * slope.z) : slope.x;
   turn.y = curved ? newton * (cofactor_d * slope.x + (a * c - e * e) * slope.y + (d * e - a * f) * slope.z)
                   : slope.y;
   turn.z = curved ? newton * (cofactor_e * slope.x + (d * e - a * f) * slope.y + (a * b - d * d) * slope.z)
                   : slope.z;
   // Beyond a radian the quadratic model says little.
-  const Wide length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
-  const Wide limit = 1.0f / (length > 1.0f ? length : Wide{} + 1.0f);
+  const Floats length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
+  const Floats limit = 1.0f / (length > 1.0f ? length : Floats{} + 1.0f);
   turn.x *= limit;
   turn.y *= limit;
   turn.z *= limit;
@@ -113,15 +115,15 @@ void wanted_turn(const WideMatrix& B, WideVector& turn) {
 
 /// q <- q (1 + turn / 2), but for its length.
 void apply(const WideVector& turn, WideQuaternion& q) {
-  const Wide x = 0.5f * turn.x;
-  const Wide y = 0.5f * turn.y;
-  const Wide z = 0.5f * turn.z;
-  q = {q.x + q.w * x + q.y * z - q.z * y, q.y + q.w * y + q.z * x - q.x * z, q.z + q.w * z + q.x * y - q.y * x,
-       q.w - q.x * x - q.y * y - q.z * z};
+  const Floats x = 0.5f * turn.x;
+  const Floats y = 0.5f * turn.y;
+  const Floats z = 0.5f * turn.z;
+  q = {q.x + q.w * x + q.y * z - q.z * y, q.y + q.w * y + q.z * x - q.x * z,
+       q.z + q.w * z + q.x * y - q.y * x, q.w - q.x * x - q.y * y - q.z * z};
 }
 
 bool all_small(const WideVector& turn) {
-  const Wide length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
+  const Floats length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
   float longest = 0.0f;
   for (int lane = 0; lane < kFitLanes; ++lane) longest = length[lane] > longest ? length[lane] : longest;
   return longest < kSmallStep;
@@ -129,40 +131,40 @@ bool all_small(const WideVector& turn) {
 
 /// Makes the entries' sizes sum to one, or leaves a zero matrix as it is.
 void scale_to_one(WideMatrix& matrix) {
-  Wide size = Wide{} + 1e-37f;
+  Floats size = Floats{} + 1e-37f;
   for (const auto& row : matrix.at) {
-    for (const Wide& entry : row) size = size + (entry < 0.0f ? -entry : entry);
+    for (const Floats& entry : row) size = size + (entry < 0.0f ? -entry : entry);
   }
-  const Wide inverse = 1.0f / size;
+  const Floats inverse = 1.0f / size;
   for (auto& row : matrix.at) {
-    for (Wide& entry : row) entry *= inverse;
+    for (Floats& entry : row) entry *= inverse;
   }
 }
 
 /// 2^(factor log2 x) for x from 1/8 to 8 and small factors, to single precision.
-void power(const Wide& x, float factor, Wide& result) {
-  WideInt bits;
+void power(const Floats& x, float factor, Floats& result) {
+  Integers bits;
   std::memcpy(&bits, &x, sizeof bits);
   // x = 2^exponent * mantissa, the mantissa from sqrt(1/2) to sqrt(2), where the series converges fast.
   constexpr int bits_of_root_half = 0x3f3504f3;
-  const WideInt exponent = (bits - bits_of_root_half) >> 23;
-  const WideInt mantissa_bits = bits - (exponent << 23);
-  Wide mantissa;
+  const Integers exponent = (bits - bits_of_root_half) >> 23;
+  const Integers mantissa_bits = bits - (exponent << 23);
+  Floats mantissa;
   std::memcpy(&mantissa, &mantissa_bits, sizeof mantissa);
-  const Wide t = (mantissa - 1.0f) / (mantissa + 1.0f);
-  const Wide t2 = t * t;
-  const Wide natural = 2.0f * t * (1.0f + t2 * (1.0f / 3.0f + t2 * (0.2f + t2 * (1.0f / 7.0f))));
-  const Wide logarithm = natural + 0.69314718f * __builtin_convertvector(exponent, Wide);
+  const Floats t = (mantissa - 1.0f) / (mantissa + 1.0f);
+  const Floats t2 = t * t;
+  const Floats natural = 2.0f * t * (1.0f + t2 * (1.0f / 3.0f + t2 * (0.2f + t2 * (1.0f / 7.0f))));
+  const Floats logarithm = natural + 0.69314718f * __builtin_convertvector(exponent, Floats);
   // e^y as the 16th power of e^(y/16): y / 16 is so small that a few terms do.
-  const Wide y = (0.0625f * factor) * logarithm;
-  Wide power = 1.0f + y * (1.0f + y * (0.5f + y * (1.0f / 6.0f + y * (1.0f / 24.0f))));
+  const Floats y = (0.0625f * factor) * logarithm;
+  Floats power = 1.0f + y * (1.0f + y * (0.5f + y * (1.0f / 6.0f + y * (1.0f / 24.0f))));
   for (int square = 0; square < 4; ++square) power = power * power;
   result = power;
 }
 
-void clamp(float low, float high, Wide& value) {
-  value = value < low ? Wide{} + low : value;
-  value = value > high ? Wide{} + high : value;
+void clamp(float low, float high, Floats& value) {
+  value = value < low ? Floats{} + low : value;
+  value = value > high ? Floats{} + high : value;
 }
 
 }  // namespace
@@ -198,16 +200,16 @@ void rotation_matrices(const FitBatch& batch, float (&matrix)[9][kFitLanes]) {
 void correct_volume(const FitBatch& batch, const float (&inverse_rest_determinant)[kFitLanes], float gain,
                     float (&scale)[kFitLanes]) {
   const WideMatrix S = load_sum(batch);
-  const Wide determinant = S.at[0][0] * (S.at[1][1] * S.at[2][2] - S.at[1][2] * S.at[2][1]) -
-                           S.at[0][1] * (S.at[1][0] * S.at[2][2] - S.at[1][2] * S.at[2][0]) +
-                           S.at[0][2] * (S.at[1][0] * S.at[2][1] - S.at[1][1] * S.at[2][0]);
-  const Wide inverse = load(inverse_rest_determinant);
-  Wide ratio = determinant * inverse;
+  const Floats determinant = S.at[0][0] * (S.at[1][1] * S.at[2][2] - S.at[1][2] * S.at[2][1]) -
+                             S.at[0][1] * (S.at[1][0] * S.at[2][2] - S.at[1][2] * S.at[2][0]) +
+                             S.at[0][2] * (S.at[1][0] * S.at[2][1] - S.at[1][1] * S.at[2][0]);
+  const Floats inverse = load(inverse_rest_determinant);
+  Floats ratio = determinant * inverse;
   clamp(1.0f / kMostVolumeRatio, kMostVolumeRatio, ratio);
-  Wide factor;
+  Floats factor;
   power(ratio, -gain / 3.0f, factor);
-  const Wide before = load(scale);
-  Wide after = before * factor;
+  const Floats before = load(scale);
+  Floats after = before * factor;
   clamp(1.0f / kMostScale, kMostScale, after);
   store(inverse > 0.0f ? after : before, scale);
 }

@@ -1,11 +1,13 @@
 #pragma once
 
+#include "solver/wide.h"
+
 namespace sinew {
 
-/// Neighborhoods fitted at once: one register of floats each on machines with 512-bit registers.
-constexpr int kFitLanes = 16;
+/// Neighborhoods fitted at once.
+constexpr int kFitLanes = kRegisterFloats;
 
-/// What the edges of sixteen nodes say, number by number side by side.
+/// What the edges of as many nodes say, number by number side by side.
 struct alignas(64) FitBatch {
   float sum[9][kFitLanes];       ///< row-major: sum over a node's edges of w e' e^T, e at rest, e' deformed
   float rotation[4][kFitLanes];  ///< quaternions x y z w of any length but 0: a guess, and the answer
@@ -23,9 +25,10 @@ void fit_rotations(FitBatch& batch);
 /// Rotation matrices of the quaternions, row-major.
 void rotation_matrices(const FitBatch& batch, float (&matrix)[9][kFitLanes]);
 
-/// For each lane: scale <- clamp(scale * J^(-gain / 3)), J = det(sum) * inverse_rest_determinant the local volume
-/// ratio, taken within 1/8 to 8 (beyond that a neighborhood is crushed or turned inside out, and says only
-/// which way to go); the scale stays within 1/1.3 to 1.3. Lanes with inverse_rest_determinant 0 keep their scale.
+/// For each lane: scale <- clamp(scale * J^(-gain / 3)), J = det(sum) * inverse_rest_determinant the local
+/// volume ratio, taken within 1/8 to 8 (beyond that a neighborhood is crushed or turned inside out, and says
+/// only which way to go); the scale stays within 1/1.3 to 1.3. Lanes with inverse_rest_determinant 0 keep
+/// their scale.
 void correct_volume(const FitBatch& batch, const float (&inverse_rest_determinant)[kFitLanes], float gain,
                     float (&scale)[kFitLanes]);
 

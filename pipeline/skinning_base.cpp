@@ -1,9 +1,11 @@
 #include "pipeline/skinning_base.h"
 
+#include "solver/wide.h"
+
 namespace sinew {
 namespace {
 
-typedef float Vector16 __attribute__((vector_size(64), may_alias, aligned(4)));
+using Vector16 = Wide<float, 16>;
 
 }  // namespace
 
@@ -48,15 +50,13 @@ Eigen::Vector4f SkinningBase::at(std::span<const BlendTerm> terms, const Eigen::
   Vector16 above{};
   for (const BlendTerm& term : terms) {
     const float* const matrix = all + kPerPlace * term.place;
-    below += term.below * *reinterpret_cast<const Vector16*>(matrix);
-    above += term.above * *reinterpret_cast<const Vector16*>(matrix + kPerPlace);
+    below += term.below * loaded<Vector16>(matrix);
+    above += term.above * loaded<Vector16>(matrix + kPerPlace);
   }
   const Vector16 sum = below + above;
-  const Vector16 spread = {rest[0], rest[0], rest[0], rest[0], rest[1], rest[1], rest[1], rest[1],
-                           rest[2], rest[2], rest[2], rest[2], 1.0f,    1.0f,    1.0f,    1.0f};
-  const Vector16 moved = sum * spread;
-  return {moved[0] + moved[4] + moved[8] + moved[12], moved[1] + moved[5] + moved[9] + moved[13],
-          moved[2] + moved[6] + moved[10] + moved[14], 0.0f};
+  const Wide<float, 4> moved =
+      quarter<0>(sum) * rest[0] + quarter<1>(sum) * rest[1] + quarter<2>(sum) * rest[2] + quarter<3>(sum);
+  return {moved[0], moved[1], moved[2], 0.0f};
 }
 
 void SkinningBase::read(const Pose& pose, const PoseRotations& rotations,

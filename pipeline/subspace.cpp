@@ -11,6 +11,7 @@
 
 #include "pipeline/rig.h"
 #include "pipeline/rotation_field.h"
+#include "solver/wide.h"
 
 namespace sinew {
 namespace {
@@ -54,8 +55,7 @@ std::vector<int> surface_in_order(const Rig& rig) {
   return nodes;
 }
 
-typedef float Wide __attribute__((vector_size(64), may_alias));
-constexpr int kLanes = 16;
+using Register = Wide<float, kRegisterFloats>;
 
 }  // namespace
 
@@ -372,19 +372,19 @@ void Subspace::read(const Pose& pose, const PoseRotations& rotations, Eigen::Vec
 }
 
 void Subspace::evaluate(int block, const Eigen::VectorXf& coordinates, Eigen::Vector4f* rows) const {
-  constexpr int vectors = kBlock / kLanes;
-  Wide sum[3][vectors] = {};
+  constexpr int vectors = kBlock / kRegisterFloats;
+  Register sum[3][vectors] = {};
   for (int k = offsets_[block]; k < offsets_[block + 1]; ++k) {
     const float* const coordinate = coordinates.data() + 3 * modes_[k];
     for (int v = 0; v < vectors; ++v) {
-      const Wide value = *reinterpret_cast<const Wide*>(values_[k].of_row + kLanes * v);
+      const Register value = loaded<Register>(values_[k].of_row + kRegisterFloats * v);
       for (int axis = 0; axis < 3; ++axis) sum[axis][v] += coordinate[axis] * value;
     }
   }
   const int count = std::min(kBlock, row_count_ - block * kBlock);
   for (int row = 0; row < count; ++row) {
-    const int v = row / kLanes;
-    const int lane = row % kLanes;
+    const int v = row / kRegisterFloats;
+    const int lane = row % kRegisterFloats;
     rows[row] = {sum[0][v][lane], sum[1][v][lane], sum[2][v][lane], 0.0f};
   }
 }

@@ -4,7 +4,6 @@
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <array>
 #include <stdexcept>
 #include <type_traits>
 
@@ -126,7 +125,7 @@ template <int kWidth, int kColumns>
 void CoarseFactor::go_down(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const {
   using Float = typename Lanes<kWidth>::Float;
   const float* value = &values_[group.values];
-  std::array<Float, kColumns> known;
+  Float known[kColumns];
   for (int c = 0; c < kColumns; ++c) known[c] = x[group.first + c];
   for (int c = 0; c < kColumns; ++c)
     for (int row = c + 1; row < kColumns; ++row) known[row] -= *value++ * known[c];
@@ -147,7 +146,7 @@ void CoarseFactor::come_up(const Group& group, std::size_t rows_end, typename La
   constexpr int kInside = kColumns * (kColumns - 1) / 2;
   const float* const inside = &values_[group.values];
   const float* value = inside + kInside;
-  std::array<Float, kColumns> even{}, odd{};
+  Float even[kColumns] = {}, odd[kColumns] = {};
   std::size_t k = group.rows;
   for (; k + 1 < rows_end; k += 2, value += 2 * kColumns) {
     const Float first = x[rows_[k]], second = x[rows_[k + 1]];

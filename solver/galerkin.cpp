@@ -45,21 +45,23 @@ struct Block {
 };
 
 struct FineNodes {
-  LargeVector<int> piece;  // by fine node
-  LargeVector<Eight::Float> weights;
+  LargeVector<int> piece;      // by fine node
+  LargeVector<float> weights;  // kCorners a node
+
+  const float* weights_of(int node) const { return &weights[kCorners * static_cast<std::size_t>(node)]; }
 };
 
 FineNodes by_fine_node(const PieceTransfer& transfer, ThreadTeam& team) {
   constexpr int fewest_pieces = 512;
   FineNodes fine;
   fine.piece.resize(transfer.nodes.size());
-  fine.weights.resize(transfer.nodes.size());
+  fine.weights.resize(kCorners * transfer.nodes.size());
   for_items(team, transfer.piece_count(), fewest_pieces, [&](int p) {
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
       fine.piece[node] = p;
       trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
-                        reinterpret_cast<float*>(&fine.weights[node]));
+                        &fine.weights[kCorners * node]);
     }
   });
   return fine;
@@ -148,7 +150,7 @@ class Slab {
       touched_.push_back(near);
       near_sums_[near] = {};
     }
-    near_sums_[near].add(factor, reinterpret_cast<const float*>(&fine_.weights[node]));
+    near_sums_[near].add(factor, fine_.weights_of(node));
   }
 
   // Row of A P at one fine node, times its weights: one block of eight by eight per piece it is joined to.
@@ -158,7 +160,7 @@ class Slab {
     add_weights(node, 0, A_.diagonal[node]);
     for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k)
       add_weights(A_.neighbors[k], *near++, -A_.weight(k));
-    const auto weights = __builtin_convertvector(fine_.weights[node], Eight::Double);
+    const auto weights = converted<double, kCorners>(loaded<Eight::Float>(fine_.weights_of(node)));
     for (int touched : touched_) {
       const Eight::Double sums = near_sums_[touched].value;
       Block& block = blocks_[touched];

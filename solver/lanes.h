@@ -4,16 +4,16 @@
 #include <memory>
 
 #include "solver/large_pages.h"
+#include "solver/wide.h"
 
-/// Internal to solver/. Several right-hand sides side by side: one short vector per node, which the
-/// compiler maps to the machine's registers.
+/// Internal to solver/. Several right-hand sides side by side: one short vector per node.
 namespace sinew {
 
-/// `kWidth` numbers that are added, scaled and stored as one. GCC's and Clang's vector extension.
+/// `kWidth` numbers that are added, scaled and stored as one.
 template <int kWidth>
 struct Lanes {
-  typedef float Float __attribute__((vector_size(kWidth * sizeof(float)), may_alias));
-  typedef double Double __attribute__((vector_size(kWidth * sizeof(double)), may_alias));
+  using Float = Wide<float, kWidth>;
+  using Double = Wide<double, kWidth>;
 };
 
 /// The widest group of columns a cycle works on.

@@ -3,7 +3,6 @@
 #include "solver/multigrid.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 
@@ -180,16 +179,23 @@ class GroupSolve {
   }
 
  private:
+  struct Sums {
+    Double of[kSums] = {};
+
+    Double& operator[](int k) { return of[k]; }
+    const Double& operator[](int k) const { return of[k]; }
+  };
+
   // Runs body(begin, end, sums) over fixed blocks of nodes, each with sums of its own, and adds the sums
   // up in the order of the blocks.
   template <typename Body>
-  std::array<Double, kSums> sum_over_nodes(const Body& body) {
+  Sums sum_over_nodes(const Body& body) {
     team_.for_each_block(blocks_, [&](int block) {
-      std::array<Double, kSums> sums{};
+      Sums sums;
       body(even_block_begin(n_, blocks_, block), even_block_begin(n_, blocks_, block + 1), sums);
-      std::copy(sums.begin(), sums.end(), block_sums_ + kSums * block);
+      std::copy(sums.of, sums.of + kSums, block_sums_ + kSums * block);
     });
-    std::array<Double, kSums> total{};
+    Sums total;
     for (int block = 0; block < blocks_; ++block)
       for (int k = 0; k < kSums; ++k) total[k] += block_sums_[kSums * block + k];
     return total;
@@ -199,7 +205,12 @@ class GroupSolve {
   Double load(const double* row) const {
     Double value{};
     if constexpr (kWidth == 4)
-      if (width_ == 3) return Double{row[0], row[1], row[2], 0.0};
+      if (width_ == 3) {
+        value[0] = row[0];
+        value[1] = row[1];
+        value[2] = row[2];
+        return value;
+      }
     for (int c = 0; c < width_; ++c) value[c] = row[c];
     return value;
   }
@@ -217,7 +228,7 @@ class GroupSolve {
 
   void keep_residual(int i, const Double& value) {
     residual_[i] = value;
-    cycle_.right_hand_side()[i] = __builtin_convertvector(value, Float);
+    cycle_.right_hand_side()[i] = converted<float, kWidth>(value);
   }
 
   // (A v)_i for `at(j)` giving v_j in double. Differences first: the constants cancel exactly.
@@ -257,7 +268,7 @@ class GroupSolve {
         const Double b = load(b_ + i * b_stride_);
         partial[0] += b * b;
         if (from_zero) {
-          cycle_.right_hand_side()[i] = __builtin_convertvector(b, Float);
+          cycle_.right_hand_side()[i] = converted<float, kWidth>(b);
           continue;
         }
         const Double r = b - apply_row(i, [&](int j) { return load(x_row(j)); });
@@ -303,14 +314,13 @@ class GroupSolve {
   // until it is asked for.
   double largest_change() {
     const auto moved = [this, z = cycle_.solution()](int i) {
-      return has_direction_ ? direction_[i] : __builtin_convertvector(z[i], Double);
+      return has_direction_ ? direction_[i] : converted<double, kWidth>(z[i]);
     };
     team_.for_each_block(blocks_, [&](int block) {
       Double largest{};
       const int end = even_block_begin(n_, blocks_, block + 1);
       for (int i = even_block_begin(n_, blocks_, block); i < end; ++i) {
-        const Double step = moved(i), size = step < 0 ? -step : step;
-        largest = size > largest ? size : largest;
+        largest = larger(absolute(moved(i)), largest);
       }
       block_sums_[kSums * block] = largest;
     });
@@ -328,8 +338,8 @@ class GroupSolve {
     const bool fresh = x_is_unset_;
     residual_size_ = sum_over_nodes([&](int begin, int end, auto& partial) {
       for (int i = begin; i < end; ++i) {
-        const Double image = apply_row(i, [&](int j) { return __builtin_convertvector(e[j], Double); });
-        const Double own = __builtin_convertvector(e[i], Double);
+        const Double image = apply_row(i, [&](int j) { return converted<double, kWidth>(e[j]); });
+        const Double own = converted<double, kWidth>(e[i]);
         const Double r = (fresh ? load(b_ + i * b_stride_) : residual_[i]) - image;
         store(fresh ? own : load(x_row(i)) + own, x_row(i));
         partial[0] += r * r;
@@ -347,8 +357,8 @@ class GroupSolve {
     const Float* const z = cycle_.solution();
     const auto products = sum_over_nodes([&](int begin, int end, auto& partial) {
       for (int i = begin; i < end; ++i) {
-        const Double Az = apply_row(i, [&](int j) { return __builtin_convertvector(z[j], Double); });
-        const Double own = __builtin_convertvector(z[i], Double);
+        const Double Az = apply_row(i, [&](int j) { return converted<double, kWidth>(z[j]); });
+        const Double own = converted<double, kWidth>(z[i]);
         new_image_[i] = Az;
         partial[0] += own * Az;
         partial[1] += own * residual_[i];
@@ -380,7 +390,7 @@ class GroupSolve {
     const Double step = step_;
     residual_size_ = sum_over_nodes([&](int begin, int end, auto& partial) {
       for (int i = begin; i < end; ++i) {
-        const Double p = __builtin_convertvector(z[i], Double) + share * direction_[i];
+        const Double p = converted<double, kWidth>(z[i]) + share * direction_[i];
         const Double Ap = new_image_[i] + share * image_[i];
         direction_[i] = p;
         image_[i] = Ap;

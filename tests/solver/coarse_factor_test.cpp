@@ -9,11 +9,13 @@
 namespace sinew {
 namespace {
 
-using Float = Lanes<4>::Float;
+struct Row {
+  Lanes<4>::Float lanes{};
+};
 
-std::vector<Float> solved(const SparseMatrix& A, const std::vector<Float>& b) {
-  std::vector<Float> x(b.size()), scratch(b.size());
-  CoarseFactor(A).solve<4>(b.data(), x.data(), scratch.data());
+std::vector<Row> solved(const SparseMatrix& A, const std::vector<Row>& b) {
+  std::vector<Row> x(b.size()), scratch(b.size());
+  CoarseFactor(A).solve<4>(&b.front().lanes, &x.front().lanes, &scratch.front().lanes);
   return x;
 }
 
@@ -33,16 +35,17 @@ TEST(CoarseFactor, rows_of_zeros_get_no_correction_and_disturb_no_other) {
   const SparseMatrix plain = matrix(problem.system);
   constexpr int every = 7;
   const SparseMatrix A = with_empty_rows(plain, every);
-  std::vector<Float> b(A.rows()), plain_b;
+  std::vector<Row> b(A.rows()), plain_b;
   for (int row = 0; row < A.rows(); ++row) {
-    for (int lane = 0; lane < 4; ++lane) b[row][lane] = static_cast<float>((row * 13 + lane * 5) % 11 - 5);
+    for (int lane = 0; lane < 4; ++lane)
+      b[row].lanes[lane] = static_cast<float>((row * 13 + lane * 5) % 11 - 5);
     if (row % every != every - 1) plain_b.push_back(b[row]);
   }
-  const std::vector<Float> x = solved(A, b), plain_x = solved(plain, plain_b);
+  const std::vector<Row> x = solved(A, b), plain_x = solved(plain, plain_b);
   std::size_t next = 0;
   for (int row = 0; row < A.rows(); ++row) {
-    const Float wanted = row % every == every - 1 ? Float{} : plain_x[next++];
-    for (int lane = 0; lane < 4; ++lane) ASSERT_NEAR(x[row][lane], wanted[lane], 1e-4f) << row;
+    const Row wanted = row % every == every - 1 ? Row{} : plain_x[next++];
+    for (int lane = 0; lane < 4; ++lane) ASSERT_NEAR(x[row].lanes[lane], wanted.lanes[lane], 1e-4f) << row;
   }
 }
 

@@ -1,7 +1,8 @@
-// Second-order steps on the rotation group for the orthogonal Procrustes problem: with B = R^T S, the
-// derivative of trace(exp([w])^T B) at w = 0 is the axial part of B, its second derivative -(trace(P) I - P)
-// with P the symmetric part of B. Steps are taken by Cayley's map, which needs no sine. All lanes run the
-// same straight line of arithmetic; quaternions are never normalised, their matrices divide by the length.
+// Second-order steps on the rotation group for the orthogonal Procrustes problem: with B = R^T S (S the sum
+// and the guess, weighed), the derivative of trace(exp([w])^T B) at w = 0 is the axial part of B, its second
+// derivative -(trace(P) I - P) with P the symmetric part of B. Steps are taken by Cayley's map, which needs
+// no sine. All lanes run the same straight line of arithmetic; quaternions are never normalised, their
+// matrices divide by the length.
 #include "pipeline/local_step.h"
 
 #include <cstring>
@@ -18,9 +19,6 @@ constexpr int kMostSteps = 8;
 /// Squared radians. The step after one this small is below single precision.
 constexpr float kSmallStep = 1e-7f;
 
-/// Share of the neighborhood's size that holds a direction in place which its edges leave open.
-constexpr float kStiffness = 1e-5f;
-
 /// A curvature is trusted when its determinant is above this, the neighborhood's size being one.
 constexpr float kLeastCurvature = 1e-9f;
 
@@ -28,9 +26,7 @@ constexpr float kMostVolumeRatio = 8.0f;
 constexpr float kMostScale = 1.3f;
 
 Floats load(const float (&values)[kFitLanes]) {
-  Floats wide;
-  std::memcpy(&wide, values, sizeof wide);
-  return wide;
+  return loaded<Floats>(values);
 }
 
 void store(const Floats& wide, float (&values)[kFitLanes]) {
@@ -88,9 +84,9 @@ struct WideVector {
 /// points the wrong way (the slope never does).
 void wanted_turn(const WideMatrix& B, WideVector& turn) {
   const WideVector slope = {B.at[2][1] - B.at[1][2], B.at[0][2] - B.at[2][0], B.at[1][0] - B.at[0][1]};
-  const Floats a = B.at[1][1] + B.at[2][2] + kStiffness;
-  const Floats b = B.at[0][0] + B.at[2][2] + kStiffness;
-  const Floats c = B.at[0][0] + B.at[1][1] + kStiffness;
+  const Floats a = B.at[1][1] + B.at[2][2];
+  const Floats b = B.at[0][0] + B.at[2][2];
+  const Floats c = B.at[0][0] + B.at[1][1];
   const Floats d = -0.5f * (B.at[0][1] + B.at[1][0]);
   const Floats e = -0.5f * (B.at[0][2] + B.at[2][0]);
   const Floats f = -0.5f * (B.at[1][2] + B.at[2][1]);
@@ -129,13 +125,24 @@ bool all_small(const WideVector& turn) {
   return longest < kSmallStep;
 }
 
-/// Makes the entries' sizes sum to one, or leaves a zero matrix as it is.
+/// 1 / sqrt(x) for x > 0 to single precision: a guess from the exponent, then Newton's method.
+void inverse_root(const Floats& x, Floats& result) {
+  Integers bits;
+  std::memcpy(&bits, &x, sizeof bits);
+  constexpr int bits_of_guess = 0x5f3759df;
+  bits = bits_of_guess - (bits >> 1);
+  std::memcpy(&result, &bits, sizeof result);
+  for (int step = 0; step < 3; ++step) result = result * (1.5f - 0.5f * x * result * result);
+}
+
+/// Makes the entries' squares sum to one, or leaves a zero matrix as it is.
 void scale_to_one(WideMatrix& matrix) {
-  Floats size = Floats{} + 1e-37f;
+  Floats squares = Floats{} + 1e-37f;
   for (const auto& row : matrix.at) {
-    for (const Floats& entry : row) size = size + (entry < 0.0f ? -entry : entry);
+    for (const Floats& entry : row) squares = squares + entry * entry;
   }
-  const Floats inverse = 1.0f / size;
+  Floats inverse;
+  inverse_root(squares, inverse);
   for (auto& row : matrix.at) {
     for (Floats& entry : row) entry *= inverse;
   }
@@ -173,6 +180,11 @@ void fit_rotations(FitBatch& batch) {
   WideMatrix S = load_sum(batch);
   scale_to_one(S);
   WideQuaternion q = load_rotation(batch);
+  WideMatrix guess;
+  matrix_of(q, guess);
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) S.at[row][column] += kGuessCounts * guess.at[row][column];
+  }
   for (int step = 0; step < kMostSteps; ++step) {
     WideMatrix R;
     WideMatrix B;

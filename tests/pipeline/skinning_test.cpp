@@ -24,7 +24,8 @@ TEST_F(Skinning, moving_the_whole_skeleton_moves_the_mesh_rigidly) {
   const Eigen::Quaterniond none = Eigen::Quaterniond::Identity();
   const Eigen::Quaterniond whole = turn(200, {0, 1, 2});
   const Eigen::Vector3d shift(1, 2, 3);
-  const Field3 wanted = (rig_.volume.rest_positions * whole.toRotationMatrix().transpose()).rowwise() + shift.transpose();
+  const Field3 wanted =
+      (rig_.volume.rest_positions * whole.toRotationMatrix().transpose()).rowwise() + shift.transpose();
   for (const auto skin : {linear_blend_skinning, dual_quaternion_skinning}) {
     const Field3 positions = skinned(posed(rig_.skeleton, {whole, none, none}, shift), skin);
     EXPECT_LT(largest_difference(positions, wanted), 1e-6);  // weights are single precision
@@ -40,7 +41,8 @@ TEST_F(Skinning, a_twisted_wrist_collapses_when_matrices_are_blended_and_holds_w
 }
 
 /// The fit of one neighborhood, in a lane of its own among lanes that ask something else.
-Eigen::Quaternionf fitted(const Eigen::Matrix3d& sum, const Eigen::Quaterniond& start, int lane = 5) {
+Eigen::Quaternionf fitted(const Eigen::Matrix3d& sum, const Eigen::Quaterniond& start) {
+  constexpr int lane = kFitLanes - 2;
   FitBatch batch{};
   for (int other = 0; other < kFitLanes; ++other) {
     batch.rotation[3][other] = 1.0f;
@@ -54,27 +56,61 @@ Eigen::Quaternionf fitted(const Eigen::Matrix3d& sum, const Eigen::Quaterniond& 
       .normalized();
 }
 
-TEST(LocalStep, the_rotation_of_rotated_edges_is_found_again) {
+/// By singular values, in double.
+Eigen::Quaterniond best_rotation(const Eigen::Matrix3d& sum, const Eigen::Quaterniond& guess) {
+  const double size = sum.norm() > 0.0 ? sum.norm() : 1.0;
+  const Eigen::Matrix3d all = sum / size + static_cast<double>(kGuessCounts) * guess.toRotationMatrix();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(all, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1.0, 1.0, (svd.matrixU() * svd.matrixV().transpose()).determinant());
+  return Eigen::Quaterniond(Eigen::Matrix3d(svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose()));
+}
+
+double distance(const Eigen::Quaternionf& a, const Eigen::Quaterniond& b) {
+  return a.cast<double>().angularDistance(b);
+}
+
+TEST(LocalStep, the_best_rotation_is_found) {
   const Eigen::Matrix3d spread = 1e-6 * Eigen::Vector3d(1.0, 0.5, 0.2).asDiagonal();
-  for (const double degrees : {1.0, 45.0, 120.0}) {
-    const Eigen::Quaterniond wanted = turn(degrees, {1, -2, 0.5});
-    const Eigen::Quaternionf found = fitted(wanted.toRotationMatrix() * spread, Eigen::Quaterniond::Identity());
-    EXPECT_LT(found.cast<double>().angularDistance(wanted), 2e-6) << degrees;
+  for (const double degrees : {0.0, 1.0, 45.0, 120.0}) {
+    const Eigen::Quaterniond turned = turn(degrees, {1, -2, 0.5});
+    const Eigen::Matrix3d sum = turned.toRotationMatrix() * spread;
+    const Eigen::Quaterniond none = Eigen::Quaterniond::Identity();
+    EXPECT_LT(distance(fitted(sum, none), best_rotation(sum, none)), 2e-6) << degrees;
+    EXPECT_LT(distance(fitted(sum, turned), turned), 2e-6) << degrees;
   }
+}
+
+TEST(LocalStep, turning_everything_turns_the_rotation_with_it) {
+  const Eigen::Matrix3d sum =
+      turn(50, {2, 1, 0}).toRotationMatrix() * Eigen::Vector3d(1.0, 0.4, 0.3).asDiagonal();
+  const Eigen::Quaterniond guess = turn(20, {0, 0, 1}), whole = turn(140, {1, 1, 1});
+  const Eigen::Quaterniond before = fitted(sum, guess).cast<double>();
+  EXPECT_LT(distance(fitted(whole.toRotationMatrix() * sum, whole * guess), whole * before), 2e-6);
 }
 
 TEST(LocalStep, a_neighborhood_turned_inside_out_still_gives_the_best_rotation) {
   const Eigen::Matrix3d sum = Eigen::Vector3d(1.0, 1.0, -0.3).asDiagonal();
-  const Eigen::Quaternionf found = fitted(sum, Eigen::Quaterniond::Identity());
-  EXPECT_NEAR((found.cast<double>().toRotationMatrix().transpose() * sum).trace(), 1.7, 1e-5);
+  for (const Eigen::Quaterniond& guess : {Eigen::Quaterniond::Identity(), turn(40, {1, 2, 3})})
+    EXPECT_LT(distance(fitted(sum, guess), best_rotation(sum, guess)), 1e-5);
 }
 
 TEST(LocalStep, what_the_edges_leave_open_stays_with_the_guess) {
   const Eigen::Quaterniond start = turn(30, {0, 1, 0});
-  EXPECT_LT(fitted(Eigen::Matrix3d::Zero(), start).cast<double>().angularDistance(start), 1e-6);
+  EXPECT_LT(distance(fitted(Eigen::Matrix3d::Zero(), start), start), 1e-6);
   // One edge along y says nothing about the turn round y.
   const Eigen::Matrix3d along_y = Eigen::Vector3d(0, 1, 0).asDiagonal();
-  EXPECT_LT(fitted(along_y, start).cast<double>().angularDistance(start), 1e-5);
+  EXPECT_LT(distance(fitted(along_y, start), start), 1e-5);
+}
+
+TEST(LocalStep, a_crushed_neighborhood_does_not_flip_between_two_rotations) {
+  // Turned inside out along one of two axes that are alike: without a guess that counts, which one is the
+  // longer decides between rotations half a turn apart.
+  const Eigen::Quaterniond guess = turn(10, {1, 0, 0});
+  const auto crushed = [](double difference) -> Eigen::Matrix3d {
+    return Eigen::Vector3d(1.0, 0.05 + difference, -0.05 + difference).asDiagonal();
+  };
+  const Eigen::Quaternionf one = fitted(crushed(1e-3), guess), other = fitted(crushed(-1e-3), guess);
+  EXPECT_LT(one.angularDistance(other), 0.02f);
 }
 
 TEST(LocalStep, volume_is_won_back_by_the_power_asked_for) {

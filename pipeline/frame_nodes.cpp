@@ -16,6 +16,7 @@ constexpr double kFlat = 1e-3;
 /// records of a large body do not fit the second level. As many entries behind the last link make that safe.
 constexpr int kAhead = 48;
 
+using Vector4 = Wide<float, 4>;
 using Vector8 = Wide<float, 8>;
 using Vector16 = Wide<float, 16>;
 
@@ -75,26 +76,34 @@ inline Vector16 repeat_now_of_place(const Vector& edge) {
   }
 }
 
-inline Eigen::Vector4f sum_of_columns(const Vector16& v) {
-  const Wide<float, 4> sum = quarter<0>(v) + quarter<1>(v) + quarter<2>(v);
-  return {sum[0], sum[1], sum[2], 0.0f};
+/// All in registers: what is written number by number and read back as a vector costs as much as half a row.
+inline Vector4 zero_behind_three(const Vector4& v) {
+  return __builtin_shufflevector(v, Vector4{}, 0, 1, 2, 4);
+}
+inline Vector4 sum_of_columns(const Vector16& v) {
+  return zero_behind_three(quarter<0>(v) + quarter<1>(v) + quarter<2>(v));
 }
 
 /// The fourth numbers of the columns.
-inline Eigen::Vector4f positions_of(const Vector16& v) {
-  return {quarter<0>(v)[3], quarter<1>(v)[3], quarter<2>(v)[3], 0.0f};
+inline Vector4 positions_of(const Vector16& v) {
+  const Vector4 two = __builtin_shufflevector(quarter<0>(v), quarter<1>(v), 3, 7, 3, 7);
+  return zero_behind_three(__builtin_shufflevector(two, quarter<2>(v), 0, 1, 7, 7));
+}
+
+inline Eigen::Vector4f as_eigen(const Vector4& v) {
+  return Eigen::Map<const Eigen::Vector4f>(reinterpret_cast<const float*>(&v));
 }
 
 /// sum_j w 1/2 (s_i R_i + s_j R_j) (x0_i - x0_j), and sum_j w (x_i - x_j).
 struct RowSums {
-  Eigen::Vector4f wanted;
-  Eigen::Vector4f found;
+  Vector4 wanted;
+  Vector4 found;
 };
 
 /// All differences of an edge are one subtraction: the record of one end minus that of the other.
 template <bool kUniform>
 inline RowSums row_sums(const FrameNodes& nodes, int slot) {
-  const Vector16 own = as_vector(nodes.records[slot]);
+  const auto own = loaded<Vector16>(nodes.records[slot].column[0].data());
   Vector16 differences{};
   Vector16 turned{};
   const int end = nodes.offsets[slot + 1];
@@ -114,7 +123,7 @@ template <bool kUniform>
 void residuals(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
   for (int slot = first; slot < end; ++slot) {
     const RowSums sums = row_sums<kUniform>(nodes, slot);
-    residual[slot] = sums.wanted - sums.found;
+    residual[slot] = as_eigen(sums.wanted - sums.found);
   }
 }
 
@@ -130,7 +139,7 @@ void sum_row_edges(const FrameNodes& nodes, int slot, int lane, FitBatch& batch)
     if constexpr (!kUniform) now *= nodes.weights[k];
     sum += spread_rest_of_place(edge) * now;
   }
-  const Wide<float, 4> columns[3] = {quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)};
+  const Vector4 columns[3] = {quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)};
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) batch.sum[3 * row + column][lane] = columns[column][row];
   }
@@ -207,13 +216,13 @@ SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
   SystemSize size;
   for (int slot = first; slot < end; ++slot) {
     const RowSums sums = nodes.weights.empty() ? row_sums<true>(nodes, slot) : row_sums<false>(nodes, slot);
-    size.residual += (sums.wanted - sums.found).cast<double>().squaredNorm();
-    Eigen::Vector4d b = sums.wanted.cast<double>();
+    size.residual += as_eigen(sums.wanted - sums.found).cast<double>().squaredNorm();
+    Eigen::Vector4d b = as_eigen(sums.wanted).cast<double>();
     for (int k = nodes.offsets[slot + 1] - 1; k >= nodes.offsets[slot]; --k) {
       const int neighbor = nodes.neighbors[k];
       if (neighbor < nodes.free_count) break;
       const double weight = nodes.weights.empty() ? 1.0 : static_cast<double>(nodes.weights[k]);
-      b += weight * positions_of(as_vector(nodes.records[neighbor])).cast<double>();
+      b += weight * as_eigen(positions_of(as_vector(nodes.records[neighbor]))).cast<double>();
     }
     size.right_hand_side += b.squaredNorm();
   }

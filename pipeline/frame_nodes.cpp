@@ -127,10 +127,15 @@ void residuals(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* res
   }
 }
 
+/// The columns of sum_j w e' e^T of one node, each with a number more.
+struct EdgeSum {
+  Vector4 columns[3];
+};
+
 template <bool kUniform>
-void sum_row_edges(const FrameNodes& nodes, int slot, int lane, FitBatch& batch) {
+inline EdgeSum sum_row_edges(const FrameNodes& nodes, int slot) {
   const Vector8 own = as_vector(nodes.places[slot]);
-  Vector16 sum{};  // entry 4 * column + row
+  Vector16 sum{};
   const int end = nodes.offsets[slot + 1];
   for (int k = nodes.offsets[slot]; k < end; ++k) {
     __builtin_prefetch(&nodes.places[nodes.neighbors[k + kAhead]]);
@@ -139,9 +144,21 @@ void sum_row_edges(const FrameNodes& nodes, int slot, int lane, FitBatch& batch)
     if constexpr (!kUniform) now *= nodes.weights[k];
     sum += spread_rest_of_place(edge) * now;
   }
-  const Vector4 columns[3] = {quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)};
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) batch.sum[3 * row + column][lane] = columns[column][row];
+  return {{quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)}};
+}
+
+template <bool kUniform>
+void sum_batch_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch) {
+  for (int lane = 0; lane < count; lane += 4) {
+    EdgeSum sums[4] = {};
+    for (int k = 0; k < std::min(4, count - lane); ++k)
+      sums[k] = sum_row_edges<kUniform>(nodes, first + lane + k);
+    for (int column = 0; column < 3; ++column) {
+      Vector4 rows[4];
+      for (int k = 0; k < 4; ++k) rows[k] = sums[k].columns[column];
+      transpose(rows[0], rows[1], rows[2], rows[3]);
+      for (int row = 0; row < 3; ++row) store(rows[row], &batch.sum[3 * row + column][lane]);
+    }
   }
 }
 
@@ -230,8 +247,8 @@ SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
 }
 
 void sum_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch) {
-  const auto sum = nodes.weights.empty() ? sum_row_edges<true> : sum_row_edges<false>;
-  for (int lane = 0; lane < count; ++lane) sum(nodes, first + lane, lane, batch);
+  nodes.weights.empty() ? sum_batch_edges<true>(nodes, first, count, batch)
+                        : sum_batch_edges<false>(nodes, first, count, batch);
 }
 
 }  // namespace sinew

@@ -71,7 +71,7 @@ struct SystemSize {
 SystemSize measure_rows(const FrameNodes& nodes, int first, int end);
 
 /// Fills the lanes [0, count) of the batch with the sums over the edges of slots first, first + 1, ...: w e'
-/// e^T, e' the edge by places now.
+/// e^T, e' the edge by places now. Lanes behind them, up to a multiple of four, become zero.
 void sum_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch);
 
 }  // namespace sinew

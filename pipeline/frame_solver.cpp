@@ -15,6 +15,7 @@
 #include "pipeline/local_step.h"
 #include "pipeline/rotation_field.h"
 #include "pipeline/starts.h"
+#include "solver/wide.h"
 
 namespace sinew {
 namespace {
@@ -29,6 +30,7 @@ constexpr double kLeastTolerance = 1e-6;
 /// A correction whose rounding takes more of the tolerance is followed by one of a new residual.
 constexpr double kRoundingShare = 0.1;
 
+using Vector4 = Wide<float, 4>;
 using Clock = std::chrono::steady_clock;
 
 double milliseconds_since(Clock::time_point start) {
@@ -66,7 +68,7 @@ struct FrameSolver::Members {
   FrameOptions options;
   ThreadTeam& team;
   FrameNodes nodes;
-  std::vector<bool> given;  // per free slot: in a bone's cylinder, its rotation is the bone's
+  std::vector<char> given;  // per free slot: in a bone's cylinder, its rotation is the bone's
 
   PoseRotations pose_rotations;
   SlotTerms terms;
@@ -91,7 +93,14 @@ struct FrameSolver::Members {
   Eigen::Vector3d turned(int slot, const Eigen::Vector3d& arm) const;
   Eigen::Vector3d core_place(const Pose& pose, const CoreConstraint& core) const;
   void fit_locally();
-  void fit_batch(int first, int count);
+  template <int kCount>
+  void read_rotations(int first, FitBatch& batch) const;
+  template <int kCount>
+  void write_rotations(const FitBatch& batch, int first);
+  template <int kCount>
+  void write_records(const FitBatch& batch, int first);
+  template <int kCount>
+  void fit_batch(int first);
 
   void correct_until_good(FrameReport& report);
   void advance(bool first);
@@ -111,10 +120,10 @@ FrameSolver::Members::Members(const Rig& rig_in, const FrameOptions& options_in,
   pose_scales.assign(nodes.slot_count, 1.0f);
   volume_scales.assign(nodes.free_count, 1.0f);
   held_positions.assign(nodes.slot_count - nodes.free_count, Eigen::Vector3d::Zero());
-  given.assign(nodes.free_count, false);
+  given.assign(nodes.free_count, 0);
   for (const FieldConstraint& constraint : rig.binding.field_constraints) {
     const int slot = nodes.slot_of_node[constraint.node];
-    if (slot < nodes.free_count) given[slot] = true;
+    if (slot < nodes.free_count) given[slot] = 1;
   }
   block_sizes.resize(block_count(nodes.free_count));
   if (rig.solver) workspace = rig.solver->make_correction_workspace();
@@ -214,48 +223,88 @@ void FrameSolver::Members::pin(const Pose& pose) {
   });
 }
 
-void FrameSolver::Members::fit_batch(int first, int count) {
-  FitBatch batch{};
-  alignas(64) float determinants[kFitLanes] = {};
-  alignas(64) float scales[kFitLanes] = {};
-  sum_edges(nodes, first, count, batch);
-  for (int lane = 0; lane < count; ++lane) {
-    const int slot = first + lane;
-    for (int k = 0; k < 4; ++k) batch.rotation[k][lane] = rotations[slot].coeffs()[k];
-    const float pose_scale = pose_scales[slot];
-    determinants[lane] = nodes.inverse_rest_determinants[slot] / (pose_scale * pose_scale * pose_scale);
-    scales[lane] = volume_scales[slot];
+/// The rotations of slots from `first` on into the lanes of the batch, and back.
+template <int kCount>
+void FrameSolver::Members::read_rotations(int first, FitBatch& batch) const {
+  for (int lane = 0; lane < kCount; lane += 4) {
+    Vector4 four[4] = {};
+    for (int k = 0; k < std::min(4, kCount - lane); ++k)
+      four[k] = loaded<Vector4>(rotations[first + lane + k].coeffs().data());
+    transpose(four[0], four[1], four[2], four[3]);
+    for (int k = 0; k < 4; ++k) store(four[k], &batch.rotation[k][lane]);
   }
-  for (int lane = count; lane < kFitLanes; ++lane) batch.rotation[3][lane] = 1.0f;
-  fit_rotations(batch);
-  if (options.volume_gain != 0.0) {
-    correct_volume(batch, determinants, static_cast<float>(options.volume_gain), scales);
+}
+template <int kCount>
+void FrameSolver::Members::write_rotations(const FitBatch& batch, int first) {
+  for (int lane = 0; lane < kCount; lane += 4) {
+    Vector4 four[4];
+    for (int k = 0; k < 4; ++k) four[k] = loaded<Vector4>(&batch.rotation[k][lane]);
+    transpose(four[0], four[1], four[2], four[3]);
+    for (int k = 0; k < std::min(4, kCount - lane); ++k)
+      store(four[k], rotations[first + lane + k].coeffs().data());
   }
-  for (int lane = 0; lane < count; ++lane) {
-    const int slot = first + lane;
-    if (given[slot]) {
-      for (int k = 0; k < 4; ++k) batch.rotation[k][lane] = rotations[slot].coeffs()[k];
-    }
-    for (int k = 0; k < 4; ++k) rotations[slot].coeffs()[k] = batch.rotation[k][lane];
-    volume_scales[slot] = scales[lane];
-  }
+}
+
+/// The columns of the batch's scaled rotations and the starts of the solve to come into the records.
+template <int kCount>
+void FrameSolver::Members::write_records(const FitBatch& batch, int first) {
   alignas(64) float matrices[9][kFitLanes];
   rotation_matrices(batch, matrices);
-  for (int lane = 0; lane < count; ++lane) {
-    const int slot = first + lane;
-    const float scale = pose_scales[slot] * volume_scales[slot];
-    const Eigen::Vector4f start = starts.begin(slot, nodes.places[slot].now);
+  for (int lane = 0; lane < kCount; ++lane) {
+    const float scale = pose_scales[first + lane] * volume_scales[first + lane];
+    for (auto& entry : matrices) entry[lane] *= scale;
+  }
+  for (int lane = 0; lane < kCount; lane += 4) {
+    const int slots = std::min(4, kCount - lane);
+    Vector4 start[4] = {};
+    for (int k = 0; k < slots; ++k) {
+      const int slot = first + lane + k;
+      start[k] = loaded<Vector4>(starts.begin(slot, nodes.places[slot].now).data());
+    }
+    transpose(start[0], start[1], start[2], start[3]);
     for (int axis = 0; axis < 3; ++axis) {
-      nodes.records[slot].column[axis] << scale * matrices[axis][lane], scale * matrices[3 + axis][lane],
-          scale * matrices[6 + axis][lane], start[axis];
+      Vector4 columns[4] = {loaded<Vector4>(&matrices[axis][lane]),
+                            loaded<Vector4>(&matrices[3 + axis][lane]),
+                            loaded<Vector4>(&matrices[6 + axis][lane]), start[axis]};
+      transpose(columns[0], columns[1], columns[2], columns[3]);
+      for (int k = 0; k < slots; ++k) store(columns[k], nodes.records[first + lane + k].column[axis].data());
     }
   }
+}
+
+template <int kCount>
+void FrameSolver::Members::fit_batch(int first) {
+  FitBatch batch;
+  if constexpr (kCount < kFitLanes) batch = {};
+  alignas(64) float determinants[kFitLanes] = {};
+  alignas(64) float scales[kFitLanes] = {};
+  sum_edges(nodes, first, kCount, batch);
+  read_rotations<kCount>(first, batch);
+  for (int lane = 0; lane < kCount; ++lane) {
+    const float pose_scale = pose_scales[first + lane];
+    determinants[lane] =
+        nodes.inverse_rest_determinants[first + lane] / (pose_scale * pose_scale * pose_scale);
+    scales[lane] = volume_scales[first + lane];
+  }
+  for (int lane = kCount; lane < kFitLanes; ++lane) batch.rotation[3][lane] = 1.0f;
+  fit_rotations(batch);
+  if (options.volume_gain != 0.0)
+    correct_volume(batch, determinants, static_cast<float>(options.volume_gain), scales);
+  for (int lane = 0; lane < kCount; ++lane) {
+    volume_scales[first + lane] = scales[lane];
+    if (!given[first + lane]) continue;
+    for (int k = 0; k < 4; ++k) batch.rotation[k][lane] = rotations[first + lane].coeffs()[k];
+  }
+  write_rotations<kCount>(batch, first);
+  write_records<kCount>(batch, first);
 }
 
 /// New rotations and scales from the positions now, and the start of the solve to come.
 void FrameSolver::Members::fit_locally() {
   for_each_block(nodes.free_count, [&](int first, int end) {
-    for (int slot = first; slot < end; slot += kFitLanes) fit_batch(slot, std::min(kFitLanes, end - slot));
+    int slot = first;
+    for (; slot + kFitLanes <= end; slot += kFitLanes) fit_batch<kFitLanes>(slot);
+    for (; slot < end; ++slot) fit_batch<1>(slot);
   });
 }
 

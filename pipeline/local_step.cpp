@@ -25,14 +25,6 @@ constexpr float kLeastCurvature = 1e-9f;
 constexpr float kMostVolumeRatio = 8.0f;
 constexpr float kMostScale = 1.3f;
 
-Floats load(const float (&values)[kFitLanes]) {
-  return loaded<Floats>(values);
-}
-
-void store(const Floats& wide, float (&values)[kFitLanes]) {
-  std::memcpy(values, &wide, sizeof wide);
-}
-
 struct WideMatrix {
   Floats at[3][3];
 };
@@ -44,13 +36,15 @@ struct WideQuaternion {
 WideMatrix load_sum(const FitBatch& batch) {
   WideMatrix sum;
   for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) sum.at[row][column] = load(batch.sum[3 * row + column]);
+    for (int column = 0; column < 3; ++column)
+      sum.at[row][column] = loaded<Floats>(batch.sum[3 * row + column]);
   }
   return sum;
 }
 
 WideQuaternion load_rotation(const FitBatch& batch) {
-  return {load(batch.rotation[0]), load(batch.rotation[1]), load(batch.rotation[2]), load(batch.rotation[3])};
+  return {loaded<Floats>(batch.rotation[0]), loaded<Floats>(batch.rotation[1]),
+          loaded<Floats>(batch.rotation[2]), loaded<Floats>(batch.rotation[3])};
 }
 
 void matrix_of(const WideQuaternion& q, WideMatrix& R) {
@@ -215,12 +209,12 @@ void correct_volume(const FitBatch& batch, const float (&inverse_rest_determinan
   const Floats determinant = S.at[0][0] * (S.at[1][1] * S.at[2][2] - S.at[1][2] * S.at[2][1]) -
                              S.at[0][1] * (S.at[1][0] * S.at[2][2] - S.at[1][2] * S.at[2][0]) +
                              S.at[0][2] * (S.at[1][0] * S.at[2][1] - S.at[1][1] * S.at[2][0]);
-  const Floats inverse = load(inverse_rest_determinant);
+  const Floats inverse = loaded<Floats>(inverse_rest_determinant);
   Floats ratio = determinant * inverse;
   clamp(1.0f / kMostVolumeRatio, kMostVolumeRatio, ratio);
   Floats factor;
   power(ratio, -gain / 3.0f, factor);
-  const Floats before = load(scale);
+  const Floats before = loaded<Floats>(scale);
   Floats after = before * factor;
   clamp(1.0f / kMostScale, kMostScale, after);
   store(inverse > 0.0f ? after : before, scale);

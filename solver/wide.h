@@ -130,6 +130,24 @@ inline Vector loaded(const Number* numbers) {
   }
 }
 
+/// The other way round. `numbers` aligned or not.
+template <typename Vector, typename Number>
+inline void store(const Vector& v, Number* numbers) {
+  std::memcpy(numbers, &v, sizeof v);
+}
+
+/// Rows of four become columns.
+inline void transpose(Wide<float, 4>& a, Wide<float, 4>& b, Wide<float, 4>& c, Wide<float, 4>& d) {
+  const Wide<float, 4> ab_low = __builtin_shufflevector(a, b, 0, 4, 1, 5);
+  const Wide<float, 4> ab_high = __builtin_shufflevector(a, b, 2, 6, 3, 7);
+  const Wide<float, 4> cd_low = __builtin_shufflevector(c, d, 0, 4, 1, 5);
+  const Wide<float, 4> cd_high = __builtin_shufflevector(c, d, 2, 6, 3, 7);
+  a = __builtin_shufflevector(ab_low, cd_low, 0, 1, 4, 5);
+  b = __builtin_shufflevector(ab_low, cd_low, 2, 3, 6, 7);
+  c = __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5);
+  d = __builtin_shufflevector(ab_high, cd_high, 2, 3, 6, 7);
+}
+
 /// Number by number: the size, and the larger of two (the second where they do not compare).
 template <typename Vector>
 inline Vector absolute(const Vector& v) {

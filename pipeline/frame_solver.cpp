@@ -8,6 +8,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -47,8 +48,12 @@ Eigen::Vector4f with_zero(const Eigen::Vector3d& vector) {
   return four;
 }
 
-void set_columns(const Eigen::Matrix3f& matrix, NodeRecord& record) {
-  for (int axis = 0; axis < 3; ++axis) record.column[axis].head<3>() = matrix.col(axis);
+/// Calls body(slot, count) for whole batches, and one by one for what is left: the count is a constant.
+template <typename Body>
+void for_each_batch(int first, int end, const Body& body) {
+  int slot = first;
+  for (; slot + kFitLanes <= end; slot += kFitLanes) body(slot, std::integral_constant<int, kFitLanes>{});
+  for (; slot < end; ++slot) body(slot, std::integral_constant<int, 1>{});
 }
 
 }  // namespace
@@ -97,8 +102,8 @@ struct FrameSolver::Members {
   void read_rotations(int first, FitBatch& batch) const;
   template <int kCount>
   void write_rotations(const FitBatch& batch, int first);
-  template <int kCount>
-  void write_records(const FitBatch& batch, int first);
+  template <int kCount, typename Scale, typename StartAt>
+  void write_records(const FitBatch& batch, int first, const Scale& scale, const StartAt& start_at);
   template <int kCount>
   void fit_batch(int first);
 
@@ -143,15 +148,64 @@ void FrameSolver::Members::timed(FrameStage stage, FrameReport& report, const St
   report.milliseconds[static_cast<int>(stage)] += milliseconds_since(begin);
 }
 
+/// The rotations of slots from `first` on into the lanes of the batch, and back.
+template <int kCount>
+void FrameSolver::Members::read_rotations(int first, FitBatch& batch) const {
+  for (int lane = 0; lane < kCount; lane += 4) {
+    Vector4 four[4] = {};
+    for (int k = 0; k < std::min(4, kCount - lane); ++k)
+      four[k] = loaded<Vector4>(rotations[first + lane + k].coeffs().data());
+    transpose(four[0], four[1], four[2], four[3]);
+    for (int k = 0; k < 4; ++k) store(four[k], &batch.rotation[k][lane]);
+  }
+}
+template <int kCount>
+void FrameSolver::Members::write_rotations(const FitBatch& batch, int first) {
+  for (int lane = 0; lane < kCount; lane += 4) {
+    Vector4 four[4];
+    for (int k = 0; k < 4; ++k) four[k] = loaded<Vector4>(&batch.rotation[k][lane]);
+    transpose(four[0], four[1], four[2], four[3]);
+    for (int k = 0; k < std::min(4, kCount - lane); ++k)
+      store(four[k], rotations[first + lane + k].coeffs().data());
+  }
+}
+
+/// The columns of the batch's rotations, times the scales, and the starts of the solve to come into the
+/// records.
+template <int kCount, typename Scale, typename StartAt>
+void FrameSolver::Members::write_records(const FitBatch& batch, int first, const Scale& scale,
+                                         const StartAt& start_at) {
+  alignas(64) float matrices[9][kFitLanes];
+  rotation_matrices(batch, matrices);
+  for (int lane = 0; lane < kCount; ++lane) {
+    const float factor = scale(first + lane);
+    for (auto& entry : matrices) entry[lane] *= factor;
+  }
+  for (int lane = 0; lane < kCount; lane += 4) {
+    const int slots = std::min(4, kCount - lane);
+    Vector4 start[4] = {};
+    for (int k = 0; k < slots; ++k) start[k] = loaded<Vector4>(start_at(first + lane + k).data());
+    transpose(start[0], start[1], start[2], start[3]);
+    for (int axis = 0; axis < 3; ++axis) {
+      Vector4 columns[4] = {loaded<Vector4>(&matrices[axis][lane]),
+                            loaded<Vector4>(&matrices[3 + axis][lane]),
+                            loaded<Vector4>(&matrices[6 + axis][lane]), start[axis]};
+      transpose(columns[0], columns[1], columns[2], columns[3]);
+      for (int k = 0; k < slots; ++k) store(columns[k], nodes.records[first + lane + k].column[axis].data());
+    }
+  }
+}
+
 /// Rotations and scales of the pose, the start of the first solve, and no volume correction yet.
 void FrameSolver::Members::blend(const Pose& pose) {
   pose_rotations.read(pose);
   starts.begin_frame(pose, pose_rotations);
   const HarmonicFields& fields = rig.harmonics;
   for_each_block(nodes.slot_count, [&](int first, int end) {
-    starts.begin_first(first, std::min(end, nodes.free_count));
+    const int free_end = std::min(end, nodes.free_count);
+    starts.begin_first(first, free_end);
     for (int slot = first; slot < end; ++slot) {
-      rotations[slot] = pose_rotations.blend(terms.of(slot));
+      rotations[slot].coeffs() = pose_rotations.blend_of_any_length(terms.of(slot));
       float scale = 1.0f;
       if (!pose_rotations.rigid()) {
         const int row = fields.offsets[nodes.node_of_slot[slot]];
@@ -159,11 +213,17 @@ void FrameSolver::Members::blend(const Pose& pose) {
         scale = pose_rotations.blend_scale(&fields.fields[row], &fields.weights[row], fields_here);
       }
       pose_scales[slot] = scale;
-      set_columns(scale * rotations[slot].toRotationMatrix(), nodes.records[slot]);
-      if (slot >= nodes.free_count) continue;
-      nodes.set_position(slot, starts.first_start(slot));
-      volume_scales[slot] = 1.0f;
+      if (slot < free_end) volume_scales[slot] = 1.0f;
     }
+    for_each_batch(first, end, [&](int slot, auto count) {
+      FitBatch batch = {};
+      read_rotations<count>(slot, batch);
+      write_records<count>(
+          batch, slot, [&](int k) { return pose_scales[k]; },
+          [&](int k) {
+            return k < free_end ? starts.first_start(k) : Eigen::Vector4f(Eigen::Vector4f::Zero());
+          });
+    });
   });
 }
 
@@ -223,55 +283,6 @@ void FrameSolver::Members::pin(const Pose& pose) {
   });
 }
 
-/// The rotations of slots from `first` on into the lanes of the batch, and back.
-template <int kCount>
-void FrameSolver::Members::read_rotations(int first, FitBatch& batch) const {
-  for (int lane = 0; lane < kCount; lane += 4) {
-    Vector4 four[4] = {};
-    for (int k = 0; k < std::min(4, kCount - lane); ++k)
-      four[k] = loaded<Vector4>(rotations[first + lane + k].coeffs().data());
-    transpose(four[0], four[1], four[2], four[3]);
-    for (int k = 0; k < 4; ++k) store(four[k], &batch.rotation[k][lane]);
-  }
-}
-template <int kCount>
-void FrameSolver::Members::write_rotations(const FitBatch& batch, int first) {
-  for (int lane = 0; lane < kCount; lane += 4) {
-    Vector4 four[4];
-    for (int k = 0; k < 4; ++k) four[k] = loaded<Vector4>(&batch.rotation[k][lane]);
-    transpose(four[0], four[1], four[2], four[3]);
-    for (int k = 0; k < std::min(4, kCount - lane); ++k)
-      store(four[k], rotations[first + lane + k].coeffs().data());
-  }
-}
-
-/// The columns of the batch's scaled rotations and the starts of the solve to come into the records.
-template <int kCount>
-void FrameSolver::Members::write_records(const FitBatch& batch, int first) {
-  alignas(64) float matrices[9][kFitLanes];
-  rotation_matrices(batch, matrices);
-  for (int lane = 0; lane < kCount; ++lane) {
-    const float scale = pose_scales[first + lane] * volume_scales[first + lane];
-    for (auto& entry : matrices) entry[lane] *= scale;
-  }
-  for (int lane = 0; lane < kCount; lane += 4) {
-    const int slots = std::min(4, kCount - lane);
-    Vector4 start[4] = {};
-    for (int k = 0; k < slots; ++k) {
-      const int slot = first + lane + k;
-      start[k] = loaded<Vector4>(starts.begin(slot, nodes.places[slot].now).data());
-    }
-    transpose(start[0], start[1], start[2], start[3]);
-    for (int axis = 0; axis < 3; ++axis) {
-      Vector4 columns[4] = {loaded<Vector4>(&matrices[axis][lane]),
-                            loaded<Vector4>(&matrices[3 + axis][lane]),
-                            loaded<Vector4>(&matrices[6 + axis][lane]), start[axis]};
-      transpose(columns[0], columns[1], columns[2], columns[3]);
-      for (int k = 0; k < slots; ++k) store(columns[k], nodes.records[first + lane + k].column[axis].data());
-    }
-  }
-}
-
 template <int kCount>
 void FrameSolver::Members::fit_batch(int first) {
   FitBatch batch;
@@ -296,15 +307,15 @@ void FrameSolver::Members::fit_batch(int first) {
     for (int k = 0; k < 4; ++k) batch.rotation[k][lane] = rotations[first + lane].coeffs()[k];
   }
   write_rotations<kCount>(batch, first);
-  write_records<kCount>(batch, first);
+  write_records<kCount>(
+      batch, first, [&](int slot) { return pose_scales[slot] * volume_scales[slot]; },
+      [&](int slot) { return starts.begin(slot, nodes.places[slot].now); });
 }
 
 /// New rotations and scales from the positions now, and the start of the solve to come.
 void FrameSolver::Members::fit_locally() {
   for_each_block(nodes.free_count, [&](int first, int end) {
-    int slot = first;
-    for (; slot + kFitLanes <= end; slot += kFitLanes) fit_batch<kFitLanes>(slot);
-    for (; slot < end; ++slot) fit_batch<1>(slot);
+    for_each_batch(first, end, [&](int slot, auto count) { fit_batch<count>(slot); });
   });
 }
 

@@ -46,14 +46,17 @@ class PoseRotations {
   /// every pose.
   void append_terms(const int* fields, const float* weights, int count, std::vector<BlendTerm>& terms) const;
 
-  /// The rotation of a node with these terms: unit, to single precision like the weights.
-  Eigen::Quaternionf blend(std::span<const BlendTerm> terms) const {
+  /// The rotation of a node with these terms, a quaternion x y z w of any length from 1e-4 on.
+  Eigen::Vector4f blend_of_any_length(std::span<const BlendTerm> terms) const {
     Eigen::Vector4f sum = Eigen::Vector4f::Zero();
     for (const BlendTerm& term : terms) sum += term.below * table_[term.place] + term.above * table_[term.place + 1];
-    const float square = sum.squaredNorm();
     constexpr float least = 1e-8f;  // opposite bones cancel: no mean exists, the strongest bone decides
-    if (square < least) return Eigen::Quaternionf(table_[strongest_place(terms)].normalized());
-    return Eigen::Quaternionf(sum / std::sqrt(square));
+    if (sum.squaredNorm() < least) return table_[strongest_place(terms)];
+    return sum;
+  }
+  /// The same, unit to single precision like the weights.
+  Eigen::Quaternionf blend(std::span<const BlendTerm> terms) const {
+    return Eigen::Quaternionf(blend_of_any_length(terms).normalized());
   }
 
   /// The mean of the bones' scales with a node's weights.

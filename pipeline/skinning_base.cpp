@@ -42,7 +42,7 @@ SkinningBase::SkinningBase(const Rig& rig, const FrameNodes& nodes)
   center_ = rest - nodes.diagonal * nodes.records[0].rest.head<3>().cast<double>();
 }
 
-// Two running sums of whole matrices, column by column.
+// Two running sums of whole matrices, column by column; their last rows are zero.
 Eigen::Vector4f SkinningBase::at(std::span<const BlendTerm> terms, const Eigen::Vector4f& rest,
                                  const Eigen::VectorXf& coordinates) {
   const float* const all = coordinates.data();
@@ -56,7 +56,7 @@ Eigen::Vector4f SkinningBase::at(std::span<const BlendTerm> terms, const Eigen::
   const Vector16 sum = below + above;
   const Wide<float, 4> moved =
       quarter<0>(sum) * rest[0] + quarter<1>(sum) * rest[1] + quarter<2>(sum) * rest[2] + quarter<3>(sum);
-  return {moved[0], moved[1], moved[2], 0.0f};
+  return Eigen::Map<const Eigen::Vector4f>(reinterpret_cast<const float*>(&moved));
 }
 
 void SkinningBase::read(const Pose& pose, const PoseRotations& rotations,

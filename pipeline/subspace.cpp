@@ -382,10 +382,15 @@ void Subspace::evaluate(int block, const Eigen::VectorXf& coordinates, Eigen::Ve
     }
   }
   const int count = std::min(kBlock, row_count_ - block * kBlock);
-  for (int row = 0; row < count; ++row) {
-    const int v = row / kRegisterFloats;
-    const int lane = row % kRegisterFloats;
-    rows[row] = {sum[0][v][lane], sum[1][v][lane], sum[2][v][lane], 0.0f};
+  alignas(64) float coordinates_of_rows[3][kBlock];
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int v = 0; v < vectors; ++v) store(sum[axis][v], coordinates_of_rows[axis] + kRegisterFloats * v);
+  }
+  for (int row = 0; row < count; row += 4) {
+    Wide<float, 4> four[4] = {};
+    for (int axis = 0; axis < 3; ++axis) four[axis] = loaded<Wide<float, 4>>(coordinates_of_rows[axis] + row);
+    transpose(four[0], four[1], four[2], four[3]);
+    for (int k = 0; k < std::min(4, count - row); ++k) store(four[k], rows[row + k].data());
   }
 }
 

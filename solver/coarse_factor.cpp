@@ -94,7 +94,7 @@ void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vect
     rows_.insert(rows_.end(), rows.begin() + starts[last], rows.begin() + starts[last + 1]);
     const std::size_t inside = values_.size();
     values_.resize(inside + columns * (columns - 1) / 2 + static_cast<std::size_t>(columns) * count(last));
-    float* value = &values_[inside];
+    float* value = values_.data() + inside;
     for (int column = first; column < last; ++column) {
       int k = starts[column];
       for (int row = column + 1; row <= last; ++row)
@@ -124,7 +124,7 @@ std::size_t CoarseFactor::bytes() const {
 template <int kWidth, int kColumns>
 void CoarseFactor::go_down(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const {
   using Float = typename Lanes<kWidth>::Float;
-  const float* value = &values_[group.values];
+  const float* value = values_.data() + group.values;
   Float known[kColumns];
   for (int c = 0; c < kColumns; ++c) known[c] = x[group.first + c];
   for (int c = 0; c < kColumns; ++c)
@@ -144,7 +144,7 @@ template <int kWidth, int kColumns>
 void CoarseFactor::come_up(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const {
   using Float = typename Lanes<kWidth>::Float;
   constexpr int kInside = kColumns * (kColumns - 1) / 2;
-  const float* const inside = &values_[group.values];
+  const float* const inside = values_.data() + group.values;
   const float* value = inside + kInside;
   Float even[kColumns] = {}, odd[kColumns] = {};
   std::size_t k = group.rows;

@@ -30,8 +30,8 @@ struct PlaceRange {
 /// What every field carries in one pose: a unit quaternion on a sign that is continuous in time, or,
 /// for the two halves of a twisting bone, all rotations between the near end's and the far end's.
 ///
-/// Near end: the bone's rotation without its own twist relative to its parent (a root has none). Far end: the bone's
-/// rotation, and for a forearm the hand's twist about the forearm's axis on top. The twist angle comes
+/// Near end: the bone's rotation without its own twist relative to its parent (a root has none). Far end: the
+/// bone's rotation, and for a forearm the hand's twist about the forearm's axis on top. The twist angle comes
 /// from quaternions whose sign is tracked (make_continuous()), so it runs through 180 degrees
 /// without a jump. Between near and far the twist grows evenly; between bones quaternions are
 /// blended and normalised.
@@ -49,7 +49,8 @@ class PoseRotations {
   /// The rotation of a node with these terms, a quaternion x y z w of any length from 1e-4 on.
   Eigen::Vector4f blend_of_any_length(std::span<const BlendTerm> terms) const {
     Eigen::Vector4f sum = Eigen::Vector4f::Zero();
-    for (const BlendTerm& term : terms) sum += term.below * table_[term.place] + term.above * table_[term.place + 1];
+    for (const BlendTerm& term : terms)
+      sum += term.below * table_[term.place] + term.above * table_[term.place + 1];
     constexpr float least = 1e-8f;  // opposite bones cancel: no mean exists, the strongest bone decides
     if (sum.squaredNorm() < least) return table_[strongest_place(terms)];
     return sum;
@@ -87,7 +88,7 @@ class PoseRotations {
   void read_twist(const Pose& pose, const TwistSource& source);
 
   std::vector<int> joint_of_field_;
-  std::vector<int> place_of_field_;     ///< of its rotation; of the near end's where the bone twists
+  std::vector<int> place_of_field_;  ///< of its rotation; of the near end's where the bone twists
   std::vector<bool> far_end_of_field_;
   std::vector<bool> twists_of_field_;
   std::vector<float> scale_of_field_;
@@ -106,7 +107,8 @@ struct RotationField {
 };
 
 /// Blends rotations and scales at every node. `out` keeps its memory between calls.
-void blend_rotations(const HarmonicFields& fields, const PoseRotations& pose, ThreadTeam& team, RotationField& out);
+void blend_rotations(const HarmonicFields& fields, const PoseRotations& pose, ThreadTeam& team,
+                     RotationField& out);
 
 /// Half the angle, radians, by which the unit quaternion `rotation` twists about the unit vector
 /// `axis`: rotation = swing * twist with swing's real part >= 0. From -pi to pi, following the sign of

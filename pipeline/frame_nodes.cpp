@@ -91,7 +91,9 @@ inline Vector4 positions_of(const Vector16& v) {
 }
 
 inline Eigen::Vector4f as_eigen(const Vector4& v) {
-  return Eigen::Map<const Eigen::Vector4f>(reinterpret_cast<const float*>(&v));
+  Eigen::Vector4f four;
+  store(v, four.data());
+  return four;
 }
 
 /// sum_j w 1/2 (s_i R_i + s_j R_j) (x0_i - x0_j), and sum_j w (x_i - x_j).
@@ -123,7 +125,7 @@ template <bool kUniform>
 void residuals(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
   for (int slot = first; slot < end; ++slot) {
     const RowSums sums = row_sums<kUniform>(nodes, slot);
-    residual[slot] = as_eigen(sums.wanted - sums.found);
+    store(sums.wanted - sums.found, residual[slot].data());
   }
 }
 

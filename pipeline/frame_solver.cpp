@@ -99,7 +99,7 @@ struct FrameSolver::Members {
   Eigen::Vector3d core_place(const Pose& pose, const CoreConstraint& core) const;
   void fit_locally();
   template <int kCount>
-  void read_rotations(int first, FitBatch& batch) const;
+  FitBatch batch_from(int first) const;
   template <int kCount>
   void write_rotations(const FitBatch& batch, int first);
   template <int kCount, typename Scale, typename StartAt>
@@ -148,9 +148,12 @@ void FrameSolver::Members::timed(FrameStage stage, FrameReport& report, const St
   report.milliseconds[static_cast<int>(stage)] += milliseconds_since(begin);
 }
 
-/// The rotations of slots from `first` on into the lanes of the batch, and back.
+/// A batch with the rotations of slots from `first` on, its sums still open. Lanes without a slot ask
+/// nothing.
 template <int kCount>
-void FrameSolver::Members::read_rotations(int first, FitBatch& batch) const {
+FitBatch FrameSolver::Members::batch_from(int first) const {
+  FitBatch batch;
+  if constexpr (kCount < kFitLanes) batch = {};
   for (int lane = 0; lane < kCount; lane += 4) {
     Vector4 four[4] = {};
     for (int k = 0; k < std::min(4, kCount - lane); ++k)
@@ -158,7 +161,11 @@ void FrameSolver::Members::read_rotations(int first, FitBatch& batch) const {
     transpose(four[0], four[1], four[2], four[3]);
     for (int k = 0; k < 4; ++k) store(four[k], &batch.rotation[k][lane]);
   }
+  for (int lane = kCount; lane < kFitLanes; ++lane) batch.rotation[3][lane] = 1.0f;
+  return batch;
 }
+
+/// And back.
 template <int kCount>
 void FrameSolver::Members::write_rotations(const FitBatch& batch, int first) {
   for (int lane = 0; lane < kCount; lane += 4) {
@@ -216,10 +223,8 @@ void FrameSolver::Members::blend(const Pose& pose) {
       if (slot < free_end) volume_scales[slot] = 1.0f;
     }
     for_each_batch(first, end, [&](int slot, auto count) {
-      FitBatch batch = {};
-      read_rotations<count>(slot, batch);
       write_records<count>(
-          batch, slot, [&](int k) { return pose_scales[k]; },
+          batch_from<count>(slot), slot, [&](int k) { return pose_scales[k]; },
           [&](int k) {
             return k < free_end ? starts.first_start(k) : Eigen::Vector4f(Eigen::Vector4f::Zero());
           });
@@ -285,19 +290,16 @@ void FrameSolver::Members::pin(const Pose& pose) {
 
 template <int kCount>
 void FrameSolver::Members::fit_batch(int first) {
-  FitBatch batch;
-  if constexpr (kCount < kFitLanes) batch = {};
+  FitBatch batch = batch_from<kCount>(first);
   alignas(64) float determinants[kFitLanes] = {};
   alignas(64) float scales[kFitLanes] = {};
   sum_edges(nodes, first, kCount, batch);
-  read_rotations<kCount>(first, batch);
   for (int lane = 0; lane < kCount; ++lane) {
     const float pose_scale = pose_scales[first + lane];
     determinants[lane] =
         nodes.inverse_rest_determinants[first + lane] / (pose_scale * pose_scale * pose_scale);
     scales[lane] = volume_scales[first + lane];
   }
-  for (int lane = kCount; lane < kFitLanes; ++lane) batch.rotation[3][lane] = 1.0f;
   fit_rotations(batch);
   if (options.volume_gain != 0.0)
     correct_volume(batch, determinants, static_cast<float>(options.volume_gain), scales);

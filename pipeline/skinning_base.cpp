@@ -56,7 +56,9 @@ Eigen::Vector4f SkinningBase::at(std::span<const BlendTerm> terms, const Eigen::
   const Vector16 sum = below + above;
   const Wide<float, 4> moved =
       quarter<0>(sum) * rest[0] + quarter<1>(sum) * rest[1] + quarter<2>(sum) * rest[2] + quarter<3>(sum);
-  return Eigen::Map<const Eigen::Vector4f>(reinterpret_cast<const float*>(&moved));
+  Eigen::Vector4f position;
+  store(moved, position.data());
+  return position;
 }
 
 void SkinningBase::read(const Pose& pose, const PoseRotations& rotations,

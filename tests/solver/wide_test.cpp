@@ -62,6 +62,20 @@ TEST(Wide, conversions_keep_the_numbers_in_their_places) {
   expect_conversions_to_keep_numbers<16>();
 }
 
+TEST(Wide, transposing_makes_rows_of_columns_and_stores_reach_their_places) {
+  Wide<float, 4> rows[4];
+  for (int row = 0; row < 4; ++row)
+    for (int k = 0; k < 4; ++k) rows[row][k] = static_cast<float>(10 * row + k);
+  transpose(rows[0], rows[1], rows[2], rows[3]);
+  for (int row = 0; row < 4; ++row) {
+    std::vector<float> memory(6, -1.0f);
+    store(rows[row], memory.data() + 1);  // not aligned
+    for (int k = 0; k < 4; ++k) ASSERT_EQ(memory[1 + k], static_cast<float>(10 * k + row));
+    ASSERT_EQ(memory[0], -1.0f);
+    ASSERT_EQ(memory[5], -1.0f);
+  }
+}
+
 TEST(Wide, quarters_and_loads_find_their_numbers) {
   std::vector<float> memory(17);
   for (int k = 0; k < 17; ++k) memory[k] = static_cast<float>(k);

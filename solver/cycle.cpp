@@ -13,54 +13,66 @@ constexpr int kCorners = 8;
 constexpr int kPiecesPerBlock = 512;
 constexpr int kRowsPerBlock = 2048;
 
-// The eight corner sums of one piece of `fine`. Eight variables rather than an array: they stay in registers.
+/// Entries of a transfer, two pieces or so, by which its passes tell the caches which fine nodes they will
+/// want: a piece takes a few nodes of each of many lines.
+constexpr int kAhead = 64;
+
+// The node of an entry so far ahead, or of the last one.
+inline int node_ahead(const PieceTransfer& P, int entry) {
+  return P.nodes[std::min(entry + kAhead, static_cast<int>(P.nodes.size()) - 1)];
+}
+
+// The eight corner sums of one piece of `fine`, from the sums of its rows times products of coordinates: half
+// the work of weighting every row for every corner. Eight variables rather than an array: they stay in
+// registers.
 template <int kWidth>
 inline void restrict_piece(const PieceTransfer& P, int piece, const typename Lanes<kWidth>::Float* fine,
                            typename Lanes<kWidth>::Float* sums) {
   using Float = typename Lanes<kWidth>::Float;
-  Float s0{}, s1{}, s2{}, s3{}, s4{}, s5{}, s6{}, s7{};
+  Float all{}, x{}, y{}, z{}, xy{}, xz{}, yz{}, xyz{};
   for (int entry = P.piece_offsets[piece]; entry < P.piece_offsets[piece + 1]; ++entry) {
+    __builtin_prefetch(&fine[node_ahead(P, entry)]);
     const float* place = &P.places[3 * static_cast<std::size_t>(entry)];
-    const Float all = fine[P.nodes[entry]];
-    const Float x1 = all * place[0], x0 = all - x1;
-    const Float x0y1 = x0 * place[1], x0y0 = x0 - x0y1;
-    const Float x1y1 = x1 * place[1], x1y0 = x1 - x1y1;
-    const Float z00 = x0y0 * place[2], z10 = x1y0 * place[2], z01 = x0y1 * place[2], z11 = x1y1 * place[2];
-    s0 += x0y0 - z00;
-    s1 += x1y0 - z10;
-    s2 += x0y1 - z01;
-    s3 += x1y1 - z11;
-    s4 += z00;
-    s5 += z10;
-    s6 += z01;
-    s7 += z11;
+    const Float row = fine[P.nodes[entry]];
+    const Float row_x = row * place[0], row_y = row * place[1], row_xy = row_x * place[1];
+    all += row;
+    x += row_x;
+    y += row_y;
+    z += row * place[2];
+    xy += row_xy;
+    xz += row_x * place[2];
+    yz += row_y * place[2];
+    xyz += row_xy * place[2];
   }
-  sums[0] = s0;
-  sums[1] = s1;
-  sums[2] = s2;
-  sums[3] = s3;
+  const Float s5 = xz - xyz, s6 = yz - xyz, s4 = (z - xz) - s6;
+  sums[0] = ((all - x) - (y - xy)) - s4;
+  sums[1] = (x - xy) - s5;
+  sums[2] = (y - xy) - s6;
+  sums[3] = xy - xyz;
   sums[4] = s4;
   sums[5] = s5;
   sums[6] = s6;
-  sums[7] = s7;
+  sums[7] = xyz;
 }
 
-// Calls put(node, value) with the trilinear value at every node of one piece.
+// Calls put(row of `fine`, value) with the trilinear value at every node of one piece: a polynomial of its place.
 template <int kWidth, typename Put>
-inline void interpolate_piece(const PieceTransfer& P, int piece, const typename Lanes<kWidth>::Float* coarse,
-                              const Put& put) {
+inline void interpolate_piece(const PieceTransfer& P, int piece, typename Lanes<kWidth>::Float* fine,
+                              const typename Lanes<kWidth>::Float* coarse, const Put& put) {
   using Float = typename Lanes<kWidth>::Float;
   Float corner[kCorners];
   for (int k = 0; k < kCorners; ++k)
     corner[k] = coarse[P.corners[static_cast<std::size_t>(kCorners) * piece + k]];
-  const Float dx0 = corner[1] - corner[0], dx1 = corner[3] - corner[2];
-  const Float dx2 = corner[5] - corner[4], dx3 = corner[7] - corner[6];
+  const Float none = corner[0], x = corner[1] - none, y = corner[2] - none, z = corner[4] - none;
+  const Float x_behind = corner[5] - corner[4];
+  const Float xy = (corner[3] - corner[2]) - x, xz = x_behind - x, yz = (corner[6] - corner[4]) - y;
+  const Float xyz = ((corner[7] - corner[6]) - x_behind) - xy;
   for (int entry = P.piece_offsets[piece]; entry < P.piece_offsets[piece + 1]; ++entry) {
+    __builtin_prefetch(&fine[node_ahead(P, entry)], 1);
     const float* place = &P.places[3 * static_cast<std::size_t>(entry)];
-    const Float y00 = corner[0] + place[0] * dx0, y01 = corner[2] + place[0] * dx1;
-    const Float y10 = corner[4] + place[0] * dx2, y11 = corner[6] + place[0] * dx3;
-    const Float z0 = y00 + place[1] * (y01 - y00), z1 = y10 + place[1] * (y11 - y10);
-    put(P.nodes[entry], z0 + place[2] * (z1 - z0));
+    const Float front = (none + place[0] * x) + place[1] * (y + place[0] * xy);
+    const Float depth = (z + place[0] * xz) + place[1] * (yz + place[0] * xyz);
+    put(fine[P.nodes[entry]], front + place[2] * depth);
   }
 }
 
@@ -293,7 +305,7 @@ void Cycle<kWidth>::interpolate(int level) {
   const PieceTransfer& P = *transfer.pieces;
   for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
     for (int piece = begin; piece < end; ++piece)
-      interpolate_piece<kWidth>(P, piece, coarse, [&](int node, const Float& value) { fine[node] = value; });
+      interpolate_piece<kWidth>(P, piece, fine, coarse, [](Float& row, const Float& value) { row = value; });
   });
 }
 
@@ -311,7 +323,7 @@ void Cycle<kWidth>::correct(int level) {
   const PieceTransfer& P = *transfer.pieces;
   for_runs(team_, P.piece_count(), kPiecesPerBlock, [&](int begin, int end) {
     for (int piece = begin; piece < end; ++piece)
-      interpolate_piece<kWidth>(P, piece, coarse, [&](int node, const Float& value) { fine[node] += value; });
+      interpolate_piece<kWidth>(P, piece, fine, coarse, [](Float& row, const Float& value) { row += value; });
   });
 }
 

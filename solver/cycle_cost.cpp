@@ -12,8 +12,12 @@ constexpr std::int64_t kNumber = sizeof(float);
 constexpr std::int64_t kCorners = 8;
 
 // Trilinear weights applied to one row, and the other way round: as restrict_piece and interpolate_piece do.
-constexpr std::int64_t kRestrictOperations = 22;
+constexpr std::int64_t kRestrictOperations = 15;
 constexpr std::int64_t kInterpolateOperations = 14;
+constexpr std::int64_t kPieceOperations = 11;
+
+// Eight others, what two rows share, the two beside a row, and its own equation.
+constexpr std::int64_t kRunRowOperations = 14;
 
 CycleCost operator+(const CycleCost& a, const CycleCost& b) {
   return {a.bytes + b.bytes, a.operations + b.operations};
@@ -27,11 +31,12 @@ CycleCost matrix_pass(const LevelMatrix& A) {
   const std::int64_t n = A.size();
   const std::int64_t entries = A.entries();
   const bool uniform = A.weights.empty();
-  if (!A.short_rows.empty()) {
+  if (const ShortRows& rows = A.short_rows; !rows.empty()) {
     // Unused steps are read and added too.
-    const auto rest = static_cast<std::int64_t>(A.short_rows.rest.size());
-    return {static_cast<std::int64_t>(A.short_rows.bytes()) + n * (kNumber + 3 * kRow),
-            kLanes * (n * (kShortRow + 5) + rest)};
+    const auto rest = static_cast<std::int64_t>(rows.rest.size());
+    const std::int64_t in_runs = row_count(rows.runs), loose = n - in_runs;
+    return {static_cast<std::int64_t>(rows.bytes()) + loose * kNumber + n * 3 * kRow,
+            kLanes * (in_runs * kRunRowOperations + loose * (kShortRow + 5) + rest)};
   }
   return {entries * (kIndex + (uniform ? 0 : kNumber)) + n * (kIndex + kNumber + 3 * kRow),
           kLanes * (entries * (uniform ? 1 : 2) + n * (uniform ? 3 : 2))};
@@ -72,7 +77,7 @@ CycleCost interpolate_values(const Transfer& transfer, std::int64_t reads) {
   const std::int64_t pieces = P.piece_count();
   return {
       n * (kIndex + 3 * kNumber + reads * kRow) + pieces * kIndex * (1 + kCorners) + P.coarse_count * kRow,
-      kLanes * (n * (kInterpolateOperations + reads - 1) + pieces * 4)};
+      kLanes * (n * (kInterpolateOperations + reads - 1) + pieces * kPieceOperations)};
 }
 
 // Residuals of the patches' nodes, their factors down and up, and the step.

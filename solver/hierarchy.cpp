@@ -107,7 +107,7 @@ void add_shi_levels(const LinearSystem& system, const HierarchyOptions& options,
 // Shi 2006's levels are read along their neighbors to the end, and the smallest systems are never swept.
 void shorten_rows(LevelMatrix& finest, ThreadTeam& team) {
   if (!finest.weights.empty()) return;
-  finest.short_rows = short_rows(finest.offsets, finest.neighbors, team);
+  finest.short_rows = short_rows(finest.offsets, finest.neighbors, finest.diagonal, team);
 }
 
 void check_options(const LinearSystem& system, const HierarchyOptions& options) {

@@ -231,33 +231,64 @@ class GroupSolve {
     cycle_.right_hand_side()[i] = converted<float, kWidth>(value);
   }
 
-  // (A v)_i for `at(j)` giving v_j in double. Differences first: the constants cancel exactly.
+  // Sum of v_i - v_j over the neighbors j of a row outside runs.
+  template <typename Row, typename At>
+  Double differences(int i, const Row& row, const Double& own, const At& at) const {
+    const ShortRows& rows = structure_.short_rows;
+    Double sum{};
+    for (const auto step : row.steps) sum += own - at(i + step);
+    if (!is_long(row, structure_.offsets[i + 1] - structure_.offsets[i])) return sum;
+    const int long_row = rows.first_long_from(i);
+    for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k)
+      sum += own - at(rows.rest[k]);
+    return sum;
+  }
+  // The same along the list of neighbors, weighted.
   template <typename At>
-  Double apply_row(int i, const At& at) const {
-    const Double own = at(i);
+  Double weighted_differences(int i, const Double& own, const At& at) const {
     Double sum{};
     const int begin = structure_.offsets[i], end = structure_.offsets[i + 1];
-    if (!structure_.short_rows.empty()) {
-      const ShortRows& rows = structure_.short_rows;
-      const auto add_row = [&](const auto& row) {
-        for (const auto step : row.steps) sum += own - at(i + step);
-        if (!is_long(row, end - begin)) return;
-        const int long_row = rows.first_long_from(i);
-        for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k)
-          sum += own - at(rows.rest[k]);
-      };
-      if (!rows.near.empty())
-        add_row(rows.near[i]);
-      else
-        add_row(rows.far[i]);
-      sum *= system_.uniform_weight;
-    } else if (system_.weights.empty()) {
-      for (int k = begin; k < end; ++k) sum += own - at(structure_.neighbors[k]);
-      sum *= system_.uniform_weight;
-    } else {
+    if (!system_.weights.empty()) {
       for (int k = begin; k < end; ++k) sum += system_.weights[k] * (own - at(structure_.neighbors[k]));
+      return sum;
     }
-    return sum + system_.anchor[i] * own;
+    for (int k = begin; k < end; ++k) sum += own - at(structure_.neighbors[k]);
+    return sum * system_.uniform_weight;
+  }
+
+  // Calls body(i, v_i, (A v)_i) for rows [begin, end), `at(j)` giving v_j in double. Differences first: the
+  // constants cancel exactly.
+  template <typename At, typename Body>
+  void for_each_image(int begin, int end, const At& at, const Body& body) const {
+    const ShortRows& rows = structure_.short_rows;
+    const double weight = system_.uniform_weight;
+    const auto finish = [&](int i, const Double& own, const Double& sum) {
+      body(i, own, sum + system_.anchor[i] * own);
+    };
+    if (rows.empty()) {
+      for (int i = begin; i < end; ++i) {
+        const Double own = at(i);
+        finish(i, own, weighted_differences(i, own, at));
+      }
+      return;
+    }
+    ascend_parts(
+        rows.runs, begin, end,
+        [&](int first, int last, int before) {
+          for (int i = first; i < last; ++i) {
+            const Double own = at(i);
+            const Double sum = rows.far.empty() ? differences(i, rows.near[i - before], own, at)
+                                                : differences(i, rows.far[i - before], own, at);
+            finish(i, own, weight * sum);
+          }
+        },
+        [&](const LatticeRun& run, int first, int last) {
+          along_run<1>(run, first, last, at, [&](int i, const Double& pairs, const Double& singles) {
+            const Double own = at(i);
+            const Double along = 2.0 * own - (at(i - 1) + at(i + 1));
+            finish(i, own, weight * ((8.0 * own - pairs) + (4.0 * own - singles) + along));
+          });
+        });
   }
 
   // From zero the residual is b and x is not read: neither is written before the first correction.
@@ -267,14 +298,16 @@ class GroupSolve {
       for (int i = begin; i < end; ++i) {
         const Double b = load(b_ + i * b_stride_);
         partial[0] += b * b;
-        if (from_zero) {
-          cycle_.right_hand_side()[i] = converted<float, kWidth>(b);
-          continue;
-        }
-        const Double r = b - apply_row(i, [&](int j) { return load(x_row(j)); });
-        partial[1] += r * r;
-        keep_residual(i, r);
+        if (from_zero) cycle_.right_hand_side()[i] = converted<float, kWidth>(b);
       }
+      if (from_zero) return;
+      for_each_image(
+          begin, end, [&](int j) { return load(x_row(j)); },
+          [&](int i, const Double&, const Double& image) {
+            const Double r = load(b_ + i * b_stride_) - image;
+            partial[1] += r * r;
+            keep_residual(i, r);
+          });
     });
     size_ = sums[0];
     residual_size_ = from_zero ? sums[0] : sums[1];
@@ -337,14 +370,14 @@ class GroupSolve {
     const Float* const e = cycle_.solution();
     const bool fresh = x_is_unset_;
     residual_size_ = sum_over_nodes([&](int begin, int end, auto& partial) {
-      for (int i = begin; i < end; ++i) {
-        const Double image = apply_row(i, [&](int j) { return converted<double, kWidth>(e[j]); });
-        const Double own = converted<double, kWidth>(e[i]);
-        const Double r = (fresh ? load(b_ + i * b_stride_) : residual_[i]) - image;
-        store(fresh ? own : load(x_row(i)) + own, x_row(i));
-        partial[0] += r * r;
-        keep_residual(i, r);
-      }
+      for_each_image(
+          begin, end, [&](int j) { return converted<double, kWidth>(e[j]); },
+          [&](int i, const Double& own, const Double& image) {
+            const Double r = (fresh ? load(b_ + i * b_stride_) : residual_[i]) - image;
+            store(fresh ? own : load(x_row(i)) + own, x_row(i));
+            partial[0] += r * r;
+            keep_residual(i, r);
+          });
     })[0];
     x_is_unset_ = false;
   }
@@ -356,14 +389,14 @@ class GroupSolve {
     if (!has_direction_) forget_direction();
     const Float* const z = cycle_.solution();
     const auto products = sum_over_nodes([&](int begin, int end, auto& partial) {
-      for (int i = begin; i < end; ++i) {
-        const Double Az = apply_row(i, [&](int j) { return converted<double, kWidth>(z[j]); });
-        const Double own = converted<double, kWidth>(z[i]);
-        new_image_[i] = Az;
-        partial[0] += own * Az;
-        partial[1] += own * residual_[i];
-        partial[2] += own * image_[i];
-      }
+      for_each_image(
+          begin, end, [&](int j) { return converted<double, kWidth>(z[j]); },
+          [&](int i, const Double& own, const Double& Az) {
+            new_image_[i] = Az;
+            partial[0] += own * Az;
+            partial[1] += own * residual_[i];
+            partial[2] += own * image_[i];
+          });
     });
     Double share{};
     for (int c = 0; c < width_; ++c) {

@@ -43,47 +43,64 @@ void split_row(int i, std::span<const int> neighbors, ShortRow<Step>& row, const
   }
 }
 
+/// Calls body(i, place) for the rows of [begin, end) outside runs: the `place`-th of them.
+template <typename Body>
+void for_each_loose_row(const std::vector<LatticeRun>& runs, int begin, int end, const Body& body) {
+  ascend_parts(
+      runs, begin, end,
+      [&](int first, int last, int before) {
+        for (int i = first; i < last; ++i) body(i, i - before);
+      },
+      [](const LatticeRun&, int, int) {});
+}
+
 template <typename Step>
 void fill(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team,
           LargeVector<ShortRow<Step>>& rows, ShortRows& result) {
   const int n = static_cast<int>(offsets.size()) - 1;
   const auto neighbors_of = [&](int i) { return neighbors.subspan(offsets[i], offsets[i + 1] - offsets[i]); };
-  rows.resize(static_cast<std::size_t>(n));
-  for_items(team, n, kRowsPerBlock, [&](int i) { split_row<Step>(i, neighbors_of(i), rows[i], [](int) {}); });
+  rows.resize(static_cast<std::size_t>(n - row_count(result.runs)));
+  for_runs(team, n, kRowsPerBlock, [&](int begin, int end) {
+    for_each_loose_row(result.runs, begin, end,
+                       [&](int i, int place) { split_row<Step>(i, neighbors_of(i), rows[place], [](int) {}); });
+  });
   result.rest_offsets = {0};
-  for (int i = 0; i < n; ++i) {
-    if (!is_long(rows[i], offsets[i + 1] - offsets[i])) continue;
+  for_each_loose_row(result.runs, 0, n, [&](int i, int place) {
+    if (!is_long(rows[place], offsets[i + 1] - offsets[i])) return;
     ShortRow<Step> row;
     split_row<Step>(i, neighbors_of(i), row, [&](int neighbor) { result.rest.push_back(neighbor); });
     result.long_rows.push_back(i);
     result.rest_offsets.push_back(static_cast<int>(result.rest.size()));
-  }
+  });
 }
 
-/// Whether so few rows have a step beyond 16 bits that these had better be long rows. Neighbors ascend: the
-/// first and the last are the farthest.
-bool mostly_near(std::span<const int> offsets, std::span<const int> neighbors) {
+/// Whether so few rows outside runs have a step beyond 16 bits that these had better be long rows. Neighbors
+/// ascend: the first and the last are the farthest.
+bool mostly_near(std::span<const int> offsets, std::span<const int> neighbors,
+                 const std::vector<LatticeRun>& runs) {
   const int n = static_cast<int>(offsets.size()) - 1;
   int far = 0;
-  for (int i = 0; i < n; ++i) {
-    if (offsets[i] == offsets[i + 1]) continue;
+  for_each_loose_row(runs, 0, n, [&](int i, int) {
+    if (offsets[i] == offsets[i + 1]) return;
     const bool near = fits<std::int16_t>(neighbors[offsets[i]] - i) &&
                       fits<std::int16_t>(neighbors[offsets[i + 1] - 1] - i);
     far += near ? 0 : 1;
-  }
-  return far <= n / kFarShare;
+  });
+  return far <= (n - row_count(runs)) / kFarShare;
 }
 
 }  // namespace
 
 std::size_t ShortRows::bytes() const {
-  return near.capacity() * sizeof(near[0]) + far.capacity() * sizeof(far[0]) +
+  return runs.capacity() * sizeof(runs[0]) + near.capacity() * sizeof(near[0]) + far.capacity() * sizeof(far[0]) +
          (long_rows.capacity() + rest_offsets.capacity() + rest.capacity()) * sizeof(int);
 }
 
-ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team) {
+ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors,
+                     std::span<const float> diagonal, ThreadTeam& team) {
   ShortRows result;
-  if (mostly_near(offsets, neighbors))
+  result.runs = lattice_runs(offsets, neighbors, diagonal);
+  if (mostly_near(offsets, neighbors, result.runs))
     fill(offsets, neighbors, team, result.near, result);
   else
     fill(offsets, neighbors, team, result.far, result);

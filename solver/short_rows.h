@@ -4,15 +4,16 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "solver/large_pages.h"
+#include "solver/lattice_runs.h"
 #include "solver/thread_team.h"
 
 /// Internal to solver/: where the neighbors of a row are, when all off-diagonal entries have one weight.
 namespace sinew {
 
-/// Neighbors of a node inside a body-centred lattice.
-constexpr int kShortRow = 14;
+constexpr int kShortRow = kLatticeNeighbors;
 
 /// Steps that have places of their own: to the nearest row before and to the nearest one after. A sweep that
 /// has just come from there adds it last, so that it has to wait for one addition rather than for all.
@@ -34,15 +35,19 @@ bool is_long(const ShortRow<Step>& row, int neighbors) {
   return neighbors > kShortRow + static_cast<int>(row.own);
 }
 
-/// All rows of a graph. Half the bytes of a list of neighbors, and read in strides that are known ahead.
+/// All rows of a graph. Inside a lattice hardly anything is stored; elsewhere half the bytes of a list of
+/// neighbors, read in strides that are known ahead.
 struct ShortRows {
-  LargeVector<ShortRow<std::int16_t>> near;  ///< one of the two is empty: this one where the steps of
-  LargeVector<ShortRow<std::int32_t>> far;   ///< many rows do not fit into 16 bits
+  std::vector<LatticeRun> runs;
+  /// The rows outside runs, one after the other. One of the two is empty: the first where the steps of many
+  /// rows do not fit into 16 bits.
+  LargeVector<ShortRow<std::int16_t>> near;
+  LargeVector<ShortRow<std::int32_t>> far;
   LargeVector<int> long_rows;     ///< ascending: the rows whose short row does not hold all neighbors
   LargeVector<int> rest_offsets;  ///< by long row and one more, into rest
   LargeVector<int> rest;          ///< their other neighbors
 
-  bool empty() const { return near.empty() && far.empty(); }
+  bool empty() const { return runs.empty() && near.empty() && far.empty(); }
   std::size_t bytes() const;
 
   /// Position in long_rows of the first one that is not before `row`.
@@ -52,6 +57,7 @@ struct ShortRows {
 };
 
 /// The graph's rows. `neighbors` ascend.
-ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors, ThreadTeam& team);
+ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors,
+                     std::span<const float> diagonal, ThreadTeam& team);
 
 }  // namespace sinew

@@ -86,9 +86,20 @@ std::vector<int> neighbors_of(const LevelMatrix& matrix, int i) {
     return {matrix.neighbors.begin() + matrix.offsets[i], matrix.neighbors.begin() + matrix.offsets[i + 1]};
   const ShortRows& rows = matrix.short_rows;
   std::vector<int> result;
-  for (int k = 0; k < kShortRow; ++k)
-    if (const int step = rows.near.empty() ? rows.far[i].steps[k] : rows.near[i].steps[k]; step != 0)
-      result.push_back(i + step);
+  ascend_parts(
+      rows.runs, i, i + 1,
+      [&](int, int, int before) {
+        for (int k = 0; k < kShortRow; ++k)
+          if (const int step =
+                  rows.near.empty() ? rows.far[i - before].steps[k] : rows.near[i - before].steps[k];
+              step != 0)
+            result.push_back(i + step);
+      },
+      [&](const LatticeRun& run, int, int) {
+        result = {i - 1, i + 1};
+        for (const int step : run.singles) result.push_back(i + step);
+        for (const int step : run.pairs) result.insert(result.end(), {i + step, i + step + 1});
+      });
   std::sort(result.begin(), result.end());
   const int long_row = rows.first_long_from(i);
   if (long_row < static_cast<int>(rows.long_rows.size()) && rows.long_rows[long_row] == i)
@@ -123,8 +134,9 @@ TEST(ShortRows, keep_long_rows_and_steps_that_do_not_fit) {
     if (i < 20 || i == 40000) neighbors.push_back(0);
     offsets.push_back(static_cast<int>(neighbors.size()));
   }
+  const std::vector<float> diagonal(offsets.size() - 1, 1.0f);
   ThreadTeam team(1);
-  const ShortRows rows = short_rows(offsets, neighbors, team);
+  const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   EXPECT_TRUE(rows.far.empty());
   EXPECT_EQ(rows.near[0].steps[kAfter], 1);
   EXPECT_EQ(rows.near[0].own, 0);
@@ -145,8 +157,9 @@ TEST(ShortRows, are_wide_where_many_steps_are) {
     neighbors.push_back(i < 40000 ? i + 40000 : i - 40000);
     offsets.push_back(i + 1);
   }
+  const std::vector<float> diagonal(offsets.size() - 1, 1.0f);
   ThreadTeam team(2);
-  const ShortRows rows = short_rows(offsets, neighbors, team);
+  const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   EXPECT_TRUE(rows.near.empty());
   EXPECT_TRUE(rows.long_rows.empty());
   EXPECT_EQ(rows.far[7].steps[kAfter], 40000);
@@ -165,8 +178,9 @@ TEST(ShortRows, put_the_nearest_rows_where_sweeps_expect_them) {
       for (int k = 26; k < 40; ++k) neighbors.push_back(k);
     offsets.push_back(static_cast<int>(neighbors.size()));
   }
+  const std::vector<float> diagonal(offsets.size() - 1, 1.0f);
   ThreadTeam team(1);
-  const ShortRows rows = short_rows(offsets, neighbors, team);
+  const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   const auto sorted = [&](int i) {
     std::vector<int> steps(rows.near[i].steps, rows.near[i].steps + kShortRow);
     std::sort(steps.begin(), steps.end());

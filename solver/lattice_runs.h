@@ -1,0 +1,97 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+/// Internal: the rows of a graph that need no list of neighbors, because they lie inside a lattice.
+namespace sinew {
+
+/// Neighbors of a node inside a body-centred lattice.
+constexpr int kLatticeNeighbors = 14;
+
+/// Rows [first, end()) of one line inside a body-centred lattice whose nodes are ordered along lines, line
+/// after line and layer after layer. Each has its neighbors at the same steps: one before and one behind it
+/// in its own line, one in each of four lines like its own, and two next to each other in each of the four
+/// lines between those.
+struct LatticeRun {
+  int first = 0;
+  int count = 0;
+  int before = 0;                 ///< rows of all runs before this one
+  std::array<int, 4> singles{};  ///< ascending
+  std::array<int, 4> pairs{};    ///< to the first of each two, ascending
+
+  int end() const { return first + count; }
+};
+
+/// The runs of a graph, ascending. Rows of one run have equal `diagonal`. `neighbors` ascend. Shorter runs
+/// than are worth their start are left out. O(entries).
+std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<const int> neighbors,
+                                     std::span<const float> diagonal);
+
+/// Rows of all these runs.
+inline int row_count(const std::vector<LatticeRun>& runs) {
+  return runs.empty() ? 0 : runs.back().before + runs.back().count;
+}
+
+/// Position of the first run that ends behind `row`.
+int first_run_behind(const std::vector<LatticeRun>& runs, int row);
+
+/// Calls loose(begin, end, rows of runs before) and in_run(run, begin, end) for the parts of rows [begin,
+/// end), ascending.
+template <typename Loose, typename InRun>
+void ascend_parts(const std::vector<LatticeRun>& runs, int begin, int end, const Loose& loose,
+                  const InRun& in_run) {
+  int k = first_run_behind(runs, begin);
+  int before = k > 0 ? runs[k - 1].before + runs[k - 1].count : 0;
+  for (int i = begin; i < end; ++k) {
+    const bool more = k < static_cast<int>(runs.size()) && runs[k].first < end;
+    const int stop = more ? runs[k].first : end;
+    if (i < stop) loose(i, stop, before);
+    if (!more) return;
+    const int start = i < stop ? stop : i;
+    i = runs[k].end() < end ? runs[k].end() : end;
+    in_run(runs[k], start, i);
+    before += runs[k].count;
+  }
+}
+
+/// The same, descending.
+template <typename Loose, typename InRun>
+void descend_parts(const std::vector<LatticeRun>& runs, int begin, int end, const Loose& loose,
+                   const InRun& in_run) {
+  int k = first_run_behind(runs, end - 1);
+  // The last run that begins before `end`.
+  if (k == static_cast<int>(runs.size()) || runs[k].first >= end) --k;
+  for (int i = end; i > begin; --k) {
+    const bool more = k >= 0 && runs[k].end() > begin;
+    const int stop = more ? runs[k].end() : begin;
+    if (i > stop) loose(stop, i, k >= 0 ? runs[k].before + runs[k].count : 0);
+    if (!more) return;
+    const int last = i > stop ? stop : i;
+    i = runs[k].first > begin ? runs[k].first : begin;
+    in_run(runs[k], i, last);
+  }
+}
+
+/// Calls visit(i, own pairs, others) for rows [begin, end) of a run, ascending or (kStep -1) descending:
+/// sums of `at` over the eight neighbors in pairs and over the four single ones of other lines. What two rows
+/// that follow each other have in common is summed once, so that a row reads eight others instead of twelve:
+/// `visit` may change its own row alone. Sums of equal numbers are exact.
+template <int kStep, typename At, typename Visit>
+inline void along_run(const LatticeRun& run, int begin, int end, const At& at, const Visit& visit) {
+  const auto [s0, s1, s2, s3] = run.singles;
+  const auto [p0, p1, p2, p3] = run.pairs;
+  const auto four = [&](int i) { return (at(i + p0) + at(i + p1)) + (at(i + p2) + at(i + p3)); };
+  constexpr int kAhead = kStep > 0 ? 1 : 0;
+  const int first = kStep > 0 ? begin : end - 1, stop = kStep > 0 ? end : begin - 1;
+  auto shared = four(first + 1 - kAhead);
+  for (int i = first; i != stop; i += kStep) {
+    const auto next = four(i + kAhead);
+    const auto pairs = shared + next;
+    shared = next;
+    visit(i, pairs, (at(i + s0) + at(i + s1)) + (at(i + s2) + at(i + s3)));
+  }
+}
+
+}  // namespace sinew

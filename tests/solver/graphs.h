@@ -325,7 +325,7 @@ inline std::vector<std::pair<std::string, Body>> awkward_bodies() {
 
 /// A body bent: the equations of its free nodes, and for every edge the vector it wants.
 struct Problem {
-  LinearSystem system;  ///< free nodes in breadth-first order
+  LinearSystem system;  ///< over the free nodes
   Field3 targets;       ///< one row per entry of system.graph.neighbors: the wanted x_i - x_j
   Field3 beta;          ///< n x 3: what the pinned neighbors ask for
   Columns b;            ///< n x 3: beta + sum of w * target
@@ -335,16 +335,24 @@ inline Eigen::Matrix3d bend(const Eigen::RowVector3d& x, double size) {
   return Eigen::AngleAxisd(1.2 * x[0] / size, Eigen::Vector3d(0.3, 1, 0.2).normalized()).toRotationMatrix();
 }
 
+/// How the free nodes of a problem follow each other.
+enum class Order {
+  breadth_first,
+  as_made  ///< of a body-centred lattice: line after line, layer after layer
+};
+
 /// Bends `body` about an axis, more the further out along x; every edge turns by the mean of its ends'
 /// rotations, and pinned nodes are moved by theirs.
-inline Problem bent(const Body& body) {
+inline Problem bent(const Body& body, Order order = Order::breadth_first) {
   const int all = body.graph.node_count();
   std::vector<int> free_nodes;
   for (int node = 0; node < all; ++node)
     if (!body.pinned[node]) free_nodes.push_back(node);
-  const std::vector<int> order = breadth_first_order(induced_subgraph(body.graph, free_nodes));
-  std::vector<int> nodes;
-  for (int k : order) nodes.push_back(free_nodes[k]);
+  std::vector<int> nodes = free_nodes;
+  if (order == Order::breadth_first) {
+    nodes.clear();
+    for (int k : breadth_first_order(induced_subgraph(body.graph, free_nodes))) nodes.push_back(free_nodes[k]);
+  }
 
   const double size = body.positions.cwiseAbs().maxCoeff();
   const auto place = [&](int node) -> Eigen::Vector3d { return body.positions.row(node).transpose(); };

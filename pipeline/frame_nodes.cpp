@@ -1,7 +1,9 @@
 #include "pipeline/frame_nodes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <type_traits>
 #include <utility>
 
 #include "solver/wide.h"
@@ -11,6 +13,9 @@ namespace {
 
 /// A neighborhood flatter than this share of an even one has no volume to speak of.
 constexpr double kFlat = 1e-3;
+
+/// What an edge of a run may be off, in its own lengths.
+constexpr double kStraight = 1e-6;
 
 /// Links, three rows or so, by which the passes over the edges tell the caches what they will want: the
 /// records of a large body do not fit the second level. As many entries behind the last link make that safe.
@@ -129,6 +134,70 @@ void residuals(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* res
   }
 }
 
+/// Calls body with the three axes as constants, which places in a record must be.
+template <typename Body>
+void with_axes(const LatticeAxes& axes, const Body& body) {
+  const auto call = [&](auto along, auto between) {
+    body(along, between, std::integral_constant<int, 3 - along - between>{});
+  };
+  const auto with_along = [&](auto along) {
+    constexpr int one = (along + 1) % 3, two = (along + 2) % 3;
+    if (axes.between == one)
+      call(along, std::integral_constant<int, one>{});
+    else
+      call(along, std::integral_constant<int, two>{});
+  };
+  if (axes.along == 0) return with_along(std::integral_constant<int, 0>{});
+  if (axes.along == 1) return with_along(std::integral_constant<int, 1>{});
+  with_along(std::integral_constant<int, 2>{});
+}
+
+/// The same for slots of a run. Its edges come in opposite pairs and along the lattice, so that a node's own
+/// rotation drops out, a neighbor's columns are added up with nothing but signs, and what two slots that
+/// follow each other have in common is summed once.
+template <int kAlong, int kBetween, int kAcross>
+void residuals_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end,
+                      Eigen::Vector4f* residual) {
+  const auto [s0, s1, s2, s3] = run.singles;
+  const auto [p0, p1, p2, p3] = run.pairs;
+  const float half_spacing = nodes.axes.half_spacing;
+  const NodeRecord* const records = nodes.records.data();
+  const auto at = [&](int slot) { return loaded<Vector16>(records[slot].column[0].data()); };
+  /// Four nodes of the lines between.
+  struct Four {
+    Vector16 all;
+    Vector4 turned;
+  };
+  const auto four = [&](int slot) -> Four {
+    const Vector16 a = at(slot + p0), b = at(slot + p1), c = at(slot + p2), d = at(slot + p3);
+    const Vector16 below = a + b, above = c + d;
+    return {below + above, (quarter<kAcross>(below) - quarter<kAcross>(above)) +
+                               ((quarter<kBetween>(a) - quarter<kBetween>(b)) +
+                                (quarter<kBetween>(c) - quarter<kBetween>(d)))};
+  };
+  Four shared = four(first);
+  Vector16 before = at(first - 1), own = at(first);
+  for (int slot = first; slot < end; ++slot) {
+    const Four next = four(slot + 1);
+    const Vector16 behind = at(slot + 1);
+    const Vector16 a = at(slot + s0), b = at(slot + s1), c = at(slot + s2), d = at(slot + s3);
+    const Vector16 own_twice = own + own, own_four_times = own_twice + own_twice;
+    const Vector16 differences =
+        ((own_four_times - shared.all) + (own_four_times - next.all)) +
+        (((own_twice - (a + d)) + (own_twice - (b + c))) + (own_twice - (before + behind)));
+    const Vector4 turned_singly = (quarter<kAcross>(a) - quarter<kAcross>(d)) +
+                                  ((quarter<kBetween>(b) - quarter<kBetween>(c)) +
+                                   (quarter<kAlong>(before) - quarter<kAlong>(behind)));
+    const Vector4 turned_in_pairs =
+        (shared.turned + next.turned) + (quarter<kAlong>(shared.all) - quarter<kAlong>(next.all));
+    const Vector4 wanted = half_spacing * (turned_singly + 0.5f * turned_in_pairs);
+    store(zero_behind_three(wanted) - positions_of(differences), residual[slot].data());
+    shared = next;
+    before = own;
+    own = behind;
+  }
+}
+
 /// The columns of sum_j w e' e^T of one node, each with a number more.
 struct EdgeSum {
   Vector4 columns[3];
@@ -149,19 +218,79 @@ inline EdgeSum sum_row_edges(const FrameNodes& nodes, int slot) {
   return {{quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)}};
 }
 
-template <bool kUniform>
-void sum_batch_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch) {
-  for (int lane = 0; lane < count; lane += 4) {
-    EdgeSum sums[4] = {};
-    for (int k = 0; k < std::min(4, count - lane); ++k)
-      sums[k] = sum_row_edges<kUniform>(nodes, first + lane + k);
-    for (int column = 0; column < 3; ++column) {
-      Vector4 rows[4];
-      for (int k = 0; k < 4; ++k) rows[k] = sums[k].columns[column];
-      transpose(rows[0], rows[1], rows[2], rows[3]);
-      for (int row = 0; row < 3; ++row) store(rows[row], &batch.sum[3 * row + column][lane]);
-    }
+/// The same for slots of a run, as in residuals_in_run.
+template <int kAlong, int kBetween, int kAcross>
+void sum_edges_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end, EdgeSum* sums) {
+  const auto [s0, s1, s2, s3] = run.singles;
+  const auto [p0, p1, p2, p3] = run.pairs;
+  const float half_spacing = nodes.axes.half_spacing;
+  const NodePlace* const places = nodes.places.data();
+  const auto at = [&](int slot) { return loaded<Vector4>(places[slot].now.data()); };
+  struct Four {
+    Vector4 along, between, across;
+  };
+  const auto four = [&](int slot) -> Four {
+    const Vector4 a = at(slot + p0), b = at(slot + p1), c = at(slot + p2), d = at(slot + p3);
+    const Vector4 one = d - a, other = c - b;
+    return {(a + d) + (b + c), one - other, one + other};
+  };
+  Four shared = four(first);
+  for (int slot = first; slot < end; ++slot) {
+    const Four next = four(slot + 1);
+    const Vector4 along = at(slot + 1) - at(slot - 1), between = at(slot + s2) - at(slot + s1),
+                  across = at(slot + s3) - at(slot + s0);
+    EdgeSum& sum = sums[slot - first];
+    sum.columns[kAlong] = half_spacing * ((along + along) + (next.along - shared.along));
+    sum.columns[kBetween] = half_spacing * ((between + between) + (next.between + shared.between));
+    sum.columns[kAcross] = half_spacing * ((across + across) + (next.across + shared.across));
+    shared = next;
   }
+}
+
+template <bool kUniform>
+void sum_edges_of(const FrameNodes& nodes, int first, int end, int& next, EdgeSum* sums) {
+  ascend_parts(
+      nodes.runs, first, end, next,
+      [&](int begin, int stop, int) {
+        for (int slot = begin; slot < stop; ++slot)
+          sums[slot - first] = sum_row_edges<kUniform>(nodes, slot);
+      },
+      [&](const LatticeRun& run, int begin, int stop) {
+        with_axes(nodes.axes, [&](auto along, auto between, auto across) {
+          sum_edges_in_run<along, between, across>(nodes, run, begin, stop, sums + (begin - first));
+        });
+      });
+}
+
+/// The axis of an edge that is `length` long and has only one coordinate, a positive one; or -1.
+int axis_of(const Eigen::Vector3d& edge, double length) {
+  for (int axis = 0; axis < 3; ++axis)
+    if ((edge - length * Eigen::Vector3d::Unit(axis)).cwiseAbs().maxCoeff() < kStraight * length) return axis;
+  return -1;
+}
+
+/// Whether the edges of a lattice's row are those of body-centred cubes along `axes`.
+bool has_lattice_edges(const std::array<Eigen::Vector3d, kLatticeNeighbors>& edges, const Eigen::Vector3i& axes,
+                       double half) {
+  /// By neighbor: half spacings along, between and across.
+  constexpr std::array<std::array<int, 3>, kLatticeNeighbors> wanted = {{{0, 0, -2},
+                                                                         {-1, -1, -1},
+                                                                         {1, -1, -1},
+                                                                         {-1, 1, -1},
+                                                                         {1, 1, -1},
+                                                                         {0, -2, 0},
+                                                                         {-2, 0, 0},
+                                                                         {2, 0, 0},
+                                                                         {0, 2, 0},
+                                                                         {-1, -1, 1},
+                                                                         {1, -1, 1},
+                                                                         {-1, 1, 1},
+                                                                         {1, 1, 1},
+                                                                         {0, 0, 2}}};
+  for (int k = 0; k < kLatticeNeighbors; ++k)
+    for (int a = 0; a < 3; ++a)
+      if (!(std::abs(edges[k][axes[a]] - wanted[k][a] * half) < kStraight * half)) return false;
+  return true;
 }
 
 }  // namespace
@@ -170,6 +299,7 @@ FrameNodes::FrameNodes(const Rig& rig) {
   number_slots(rig);
   place_at_rest(rig);
   copy_neighborhoods(rig);
+  if (weights.empty()) find_runs(rig);
 }
 
 void FrameNodes::number_slots(const Rig& rig) {
@@ -226,9 +356,39 @@ void FrameNodes::copy_neighborhoods(const Rig& rig) {
   neighbors.insert(neighbors.end(), kAhead, 0);
 }
 
+void FrameNodes::find_runs(const Rig& rig) {
+  const double half = rig.volume.spacing / 2.0;
+  if (rig.volume.interior != Interior::lattice || !(half > 0.0)) return;
+  Eigen::Vector3i found = Eigen::Vector3i::Constant(-1);
+  const auto alike = [&](int, int slot) {
+    std::array<Eigen::Vector3d, kLatticeNeighbors> edges;
+    for (int k = 0; k < kLatticeNeighbors; ++k)
+      edges[k] = (rig.volume.rest_positions.row(node_of_slot[neighbors[offsets[slot] + k]]) -
+                  rig.volume.rest_positions.row(node_of_slot[slot]))
+                     .transpose();
+    const Eigen::Vector3i own(axis_of(edges[7], 2 * half), axis_of(edges[8], 2 * half),
+                              axis_of(edges[13], 2 * half));
+    if (own.minCoeff() < 0 || !has_lattice_edges(edges, own, half)) return false;
+    if (found.minCoeff() < 0) found = own;
+    return own == found;
+  };
+  runs = lattice_runs({offsets.data(), offsets.size()},
+                      {neighbors.data(), static_cast<std::size_t>(offsets.back())}, alike);
+  if (!runs.empty()) axes = {found[0], found[1], found[2], static_cast<float>(half / diagonal)};
+}
+
 void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
-  nodes.weights.empty() ? residuals<true>(nodes, first, end, residual)
-                        : residuals<false>(nodes, first, end, residual);
+  ascend_parts(
+      nodes.runs, first, end,
+      [&](int begin, int stop, int) {
+        nodes.weights.empty() ? residuals<true>(nodes, begin, stop, residual)
+                              : residuals<false>(nodes, begin, stop, residual);
+      },
+      [&](const LatticeRun& run, int begin, int stop) {
+        with_axes(nodes.axes, [&](auto along, auto between, auto across) {
+          residuals_in_run<along, between, across>(nodes, run, begin, stop, residual);
+        });
+      });
 }
 
 SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
@@ -248,9 +408,17 @@ SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
   return size;
 }
 
-void sum_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch) {
-  nodes.weights.empty() ? sum_batch_edges<true>(nodes, first, count, batch)
-                        : sum_batch_edges<false>(nodes, first, count, batch);
+void sum_edges(const FrameNodes& nodes, int first, int count, int& next, FitBatch& batch) {
+  EdgeSum sums[kFitLanes] = {};
+  nodes.weights.empty() ? sum_edges_of<true>(nodes, first, first + count, next, sums)
+                        : sum_edges_of<false>(nodes, first, first + count, next, sums);
+  for (int lane = 0; lane < count; lane += 4)
+    for (int column = 0; column < 3; ++column) {
+      Vector4 rows[4];
+      for (int k = 0; k < 4; ++k) rows[k] = sums[lane + k].columns[column];
+      transpose(rows[0], rows[1], rows[2], rows[3]);
+      for (int row = 0; row < 3; ++row) store(rows[row], &batch.sum[3 * row + column][lane]);
+    }
 }
 
 }  // namespace sinew

@@ -5,6 +5,7 @@
 #include "pipeline/local_step.h"
 #include "pipeline/rig.h"
 #include "solver/large_pages.h"
+#include "solver/lattice_runs.h"
 
 /// Internal to pipeline/: the graph as a frame walks it, and the two passes over its edges.
 namespace sinew {
@@ -21,6 +22,15 @@ struct alignas(64) NodeRecord {
 struct alignas(32) NodePlace {
   Eigen::Vector4f rest;  ///< rest position, then 0
   Eigen::Vector4f now;   ///< position now, then 0
+};
+
+/// The axes of a body-centred lattice, in the order in which free slots follow each other: along a line, from
+/// line to line, from layer to layer. Coordinates grow with the slots.
+struct LatticeAxes {
+  int along = 0;
+  int between = 1;
+  int across = 2;
+  float half_spacing = 0.0f;  ///< share of the diagonal
 };
 
 /// Nodes renumbered into slots: the free ones in the solver's order, then the constrained ones.
@@ -47,10 +57,15 @@ struct FrameNodes {
   LargeVector<NodeRecord> records;
   LargeVector<NodePlace> places;
 
+  /// Free slots whose edges are those of the lattice. Empty where the weights are not all one.
+  std::vector<LatticeRun> runs;
+  LatticeAxes axes;
+
  private:
   void number_slots(const Rig& rig);
   void place_at_rest(const Rig& rig);
   void copy_neighborhoods(const Rig& rig);
+  void find_runs(const Rig& rig);
 };
 
 /// For free slots [first, end), with the rotations, scales and positions of the records:
@@ -71,7 +86,8 @@ struct SystemSize {
 SystemSize measure_rows(const FrameNodes& nodes, int first, int end);
 
 /// Fills the lanes [0, count) of the batch with the sums over the edges of slots first, first + 1, ...: w e'
-/// e^T, e' the edge by places now. Lanes behind them, up to a multiple of four, become zero.
-void sum_edges(const FrameNodes& nodes, int first, int count, FitBatch& batch);
+/// e^T, e' the edge by places now. Lanes behind them, up to a multiple of four, become zero. `next`:
+/// first_run_behind(nodes.runs, first), and afterwards that of the slot behind the last.
+void sum_edges(const FrameNodes& nodes, int first, int count, int& next, FitBatch& batch);
 
 }  // namespace sinew

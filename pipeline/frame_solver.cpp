@@ -105,7 +105,7 @@ struct FrameSolver::Members {
   template <int kCount, typename Scale, typename StartAt>
   void write_records(const FitBatch& batch, int first, const Scale& scale, const StartAt& start_at);
   template <int kCount>
-  void fit_batch(int first);
+  void fit_batch(int first, int& next_run);
 
   void correct_until_good(FrameReport& report);
   void advance(bool first);
@@ -289,11 +289,11 @@ void FrameSolver::Members::pin(const Pose& pose) {
 }
 
 template <int kCount>
-void FrameSolver::Members::fit_batch(int first) {
+void FrameSolver::Members::fit_batch(int first, int& next_run) {
   FitBatch batch = batch_from<kCount>(first);
   alignas(64) float determinants[kFitLanes] = {};
   alignas(64) float scales[kFitLanes] = {};
-  sum_edges(nodes, first, kCount, batch);
+  sum_edges(nodes, first, kCount, next_run, batch);
   for (int lane = 0; lane < kCount; ++lane) {
     const float pose_scale = pose_scales[first + lane];
     determinants[lane] =
@@ -317,7 +317,8 @@ void FrameSolver::Members::fit_batch(int first) {
 /// New rotations and scales from the positions now, and the start of the solve to come.
 void FrameSolver::Members::fit_locally() {
   for_each_block(nodes.free_count, [&](int first, int end) {
-    for_each_batch(first, end, [&](int slot, auto count) { fit_batch<count>(slot); });
+    int next_run = first_run_behind(nodes.runs, first);
+    for_each_batch(first, end, [&](int slot, auto count) { fit_batch<count>(slot, next_run); });
   });
 }
 

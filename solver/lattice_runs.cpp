@@ -21,7 +21,7 @@ bool read_steps(int i, const int* neighbors, LatticeRun& run) {
 }  // namespace
 
 std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<const int> neighbors,
-                                     std::span<const float> diagonal) {
+                                     const std::function<bool(int, int)>& alike) {
   std::vector<LatticeRun> runs;
   LatticeRun open;
   int before = 0;
@@ -40,13 +40,12 @@ std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<con
       close();
       continue;
     }
-    if (open.count > 0 && row.singles == open.singles && row.pairs == open.pairs &&
-        diagonal[i] == diagonal[open.first]) {
+    if (open.count > 0 && row.singles == open.singles && row.pairs == open.pairs && alike(open.first, i)) {
       ++open.count;
       continue;
     }
     close();
-    open = row;
+    if (alike(i, i)) open = row;
   }
   close();
   return runs;

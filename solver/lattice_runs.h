@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -24,10 +25,11 @@ struct LatticeRun {
   int end() const { return first + count; }
 };
 
-/// The runs of a graph, ascending. Rows of one run have equal `diagonal`. `neighbors` ascend. Shorter runs
-/// than are worth their start are left out. O(entries).
+/// The runs of a graph, ascending. `neighbors` ascend. A row joins the run of an earlier one, or begins its own,
+/// where its steps allow it and alike(first row of the run, row) says so. Shorter runs than are worth their
+/// start are left out. O(entries).
 std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<const int> neighbors,
-                                     std::span<const float> diagonal);
+                                     const std::function<bool(int, int)>& alike);
 
 /// Rows of all these runs.
 inline int row_count(const std::vector<LatticeRun>& runs) {
@@ -38,22 +40,30 @@ inline int row_count(const std::vector<LatticeRun>& runs) {
 int first_run_behind(const std::vector<LatticeRun>& runs, int row);
 
 /// Calls loose(begin, end, rows of runs before) and in_run(run, begin, end) for the parts of rows [begin,
-/// end), ascending.
+/// end), ascending. `next`: first_run_behind(runs, begin), and afterwards first_run_behind(runs, end).
+template <typename Loose, typename InRun>
+void ascend_parts(const std::vector<LatticeRun>& runs, int begin, int end, int& next, const Loose& loose,
+                  const InRun& in_run) {
+  int before = next > 0 ? runs[next - 1].before + runs[next - 1].count : 0;
+  for (int i = begin; i < end;) {
+    const bool more = next < static_cast<int>(runs.size()) && runs[next].first < end;
+    const int stop = more ? runs[next].first : end;
+    if (i < stop) loose(i, stop, before);
+    if (!more) return;
+    const LatticeRun& run = runs[next];
+    const int start = i < stop ? stop : i;
+    i = run.end() < end ? run.end() : end;
+    in_run(run, start, i);
+    if (i < run.end()) return;
+    before += run.count;
+    ++next;
+  }
+}
 template <typename Loose, typename InRun>
 void ascend_parts(const std::vector<LatticeRun>& runs, int begin, int end, const Loose& loose,
                   const InRun& in_run) {
-  int k = first_run_behind(runs, begin);
-  int before = k > 0 ? runs[k - 1].before + runs[k - 1].count : 0;
-  for (int i = begin; i < end; ++k) {
-    const bool more = k < static_cast<int>(runs.size()) && runs[k].first < end;
-    const int stop = more ? runs[k].first : end;
-    if (i < stop) loose(i, stop, before);
-    if (!more) return;
-    const int start = i < stop ? stop : i;
-    i = runs[k].end() < end ? runs[k].end() : end;
-    in_run(runs[k], start, i);
-    before += runs[k].count;
-  }
+  int next = first_run_behind(runs, begin);
+  ascend_parts(runs, begin, end, next, loose, in_run);
 }
 
 /// The same, descending.

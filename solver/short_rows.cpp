@@ -99,7 +99,8 @@ std::size_t ShortRows::bytes() const {
 ShortRows short_rows(std::span<const int> offsets, std::span<const int> neighbors,
                      std::span<const float> diagonal, ThreadTeam& team) {
   ShortRows result;
-  result.runs = lattice_runs(offsets, neighbors, diagonal);
+  result.runs =
+      lattice_runs(offsets, neighbors, [&](int first, int row) { return diagonal[row] == diagonal[first]; });
   if (mostly_near(offsets, neighbors, result.runs))
     fill(offsets, neighbors, team, result.near, result);
   else

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <string>
+#include <functional>
 #include <vector>
 
 #include "graphs.h"
@@ -21,14 +21,17 @@ graphs::Problem ball_along_lines(int nodes) {
   return graphs::bent(graphs::bcc_ball(nodes), graphs::Order::as_made);
 }
 
-std::vector<LatticeRun> runs_of(const Graph& graph, const std::vector<float>& diagonal) {
-  return lattice_runs(graph.offsets, graph.neighbors, diagonal);
+std::vector<LatticeRun> runs_of(const Graph& graph, const std::function<bool(int, int)>& alike) {
+  return lattice_runs(graph.offsets, graph.neighbors, alike);
+}
+bool always(int, int) {
+  return true;
 }
 
 TEST(LatticeRuns, hold_the_inside_of_a_body_and_say_what_the_graph_says) {
   const Graph graph = ball_along_lines(20000).system.graph;
   const int n = graph.node_count();
-  const std::vector<LatticeRun> runs = runs_of(graph, std::vector<float>(n, 14.0f));
+  const std::vector<LatticeRun> runs = runs_of(graph, always);
   int inside = 0, before = 0, last = 0;
   for (int i = 0; i < n; ++i) inside += graph.offsets[i + 1] - graph.offsets[i] == 14 ? 1 : 0;
   for (const LatticeRun& run : runs) {
@@ -50,19 +53,28 @@ TEST(LatticeRuns, hold_the_inside_of_a_body_and_say_what_the_graph_says) {
   EXPECT_GT(before, 0.9 * inside);
 }
 
-TEST(LatticeRuns, end_where_the_diagonal_changes) {
+TEST(LatticeRuns, end_where_a_row_is_not_like_the_first) {
   const Graph graph = ball_along_lines(20000).system.graph;
-  std::vector<float> diagonal(graph.node_count(), 14.0f);
-  const std::vector<LatticeRun> whole = runs_of(graph, diagonal);
+  const std::vector<LatticeRun> whole = runs_of(graph, always);
   const LatticeRun& cut = *std::max_element(whole.begin(), whole.end(),
                                             [](const auto& a, const auto& b) { return a.count < b.count; });
   ASSERT_GE(cut.count, 9);
-  diagonal[cut.first + 4] = 15.0f;
-  const std::vector<LatticeRun> runs = runs_of(graph, diagonal);
+  const int other = cut.first + 4;
+  const auto runs = runs_of(graph, [&](int first, int row) { return (first == other) == (row == other); });
   EXPECT_EQ(row_count(runs), row_count(whole) - 1);
   const LatticeRun& first = runs[first_run_behind(runs, cut.first)];
   EXPECT_EQ(first.first, cut.first);
   EXPECT_EQ(first.count, 4);
+  EXPECT_TRUE(runs_of(graph, [](int, int) { return false; }).empty());
+}
+
+TEST(LatticeRuns, of_short_rows_have_one_diagonal) {
+  const Graph graph = ball_along_lines(20000).system.graph;
+  ThreadTeam team(1);
+  std::vector<float> diagonal(graph.node_count(), 14.0f);
+  const std::vector<LatticeRun> whole = short_rows(graph.offsets, graph.neighbors, diagonal, team).runs;
+  diagonal[whole.front().first + 1] = 15.0f;
+  EXPECT_LT(row_count(short_rows(graph.offsets, graph.neighbors, diagonal, team).runs), row_count(whole));
 }
 
 TEST(LatticeRuns, parts_cover_every_range_once_in_order) {

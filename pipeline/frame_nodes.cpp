@@ -126,14 +126,6 @@ inline RowSums row_sums(const FrameNodes& nodes, int slot) {
   return {0.5f * sum_of_columns(turned), positions_of(differences)};
 }
 
-template <bool kUniform>
-void residuals(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
-  for (int slot = first; slot < end; ++slot) {
-    const RowSums sums = row_sums<kUniform>(nodes, slot);
-    store(sums.wanted - sums.found, residual[slot].data());
-  }
-}
-
 /// Calls body with the three axes as constants, which places in a record must be.
 template <typename Body>
 void with_axes(const LatticeAxes& axes, const Body& body) {
@@ -152,12 +144,12 @@ void with_axes(const LatticeAxes& axes, const Body& body) {
   with_along(std::integral_constant<int, 2>{});
 }
 
-/// The same for slots of a run. Its edges come in opposite pairs and along the lattice, so that a node's own
-/// rotation drops out, a neighbor's columns are added up with nothing but signs, and what two slots that
-/// follow each other have in common is summed once.
-template <int kAlong, int kBetween, int kAcross>
-void residuals_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end,
-                      Eigen::Vector4f* residual) {
+/// Calls visit(slot, sums) for slots of a run. Its edges come in opposite pairs and along the lattice, so that
+/// a node's own rotation drops out, a neighbor's columns are added up with nothing but signs, and what two
+/// slots that follow each other have in common is summed once.
+template <int kAlong, int kBetween, int kAcross, typename Visit>
+inline void sum_rows_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end,
+                            const Visit& visit) {
   const auto [s0, s1, s2, s3] = run.singles;
   const auto [p0, p1, p2, p3] = run.pairs;
   const float half_spacing = nodes.axes.half_spacing;
@@ -191,11 +183,30 @@ void residuals_in_run(const FrameNodes& nodes, const LatticeRun& run, int first,
     const Vector4 turned_in_pairs =
         (shared.turned + next.turned) + (quarter<kAlong>(shared.all) - quarter<kAlong>(next.all));
     const Vector4 wanted = half_spacing * (turned_singly + 0.5f * turned_in_pairs);
-    store(zero_behind_three(wanted) - positions_of(differences), residual[slot].data());
+    visit(slot, RowSums{zero_behind_three(wanted), positions_of(differences)});
     shared = next;
     before = own;
     own = behind;
   }
+}
+
+/// Calls visit(slot, sums) for free slots [first, end).
+template <typename Visit>
+void for_each_row_sums(const FrameNodes& nodes, int first, int end, const Visit& visit) {
+  ascend_parts(
+      nodes.runs, first, end,
+      [&](int begin, int stop, int) {
+        if (nodes.weights.empty()) {
+          for (int slot = begin; slot < stop; ++slot) visit(slot, row_sums<true>(nodes, slot));
+        } else {
+          for (int slot = begin; slot < stop; ++slot) visit(slot, row_sums<false>(nodes, slot));
+        }
+      },
+      [&](const LatticeRun& run, int begin, int stop) {
+        with_axes(nodes.axes, [&](auto along, auto between, auto across) {
+          sum_rows_in_run<along, between, across>(nodes, run, begin, stop, visit);
+        });
+      });
 }
 
 /// The columns of sum_j w e' e^T of one node, each with a number more.
@@ -218,7 +229,7 @@ inline EdgeSum sum_row_edges(const FrameNodes& nodes, int slot) {
   return {{quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)}};
 }
 
-/// The same for slots of a run, as in residuals_in_run.
+/// The same for slots of a run, as in sum_rows_in_run.
 template <int kAlong, int kBetween, int kAcross>
 void sum_edges_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end, EdgeSum* sums) {
   const auto [s0, s1, s2, s3] = run.singles;
@@ -374,37 +385,46 @@ void FrameNodes::find_runs(const Rig& rig) {
   };
   runs = lattice_runs({offsets.data(), offsets.size()},
                       {neighbors.data(), static_cast<std::size_t>(offsets.back())}, alike);
-  if (!runs.empty()) axes = {found[0], found[1], found[2], static_cast<float>(half / diagonal)};
+  if (runs.empty()) return;
+  axes = {found[0], found[1], found[2], static_cast<float>(half / diagonal)};
+  forget_lists_in_runs();
+}
+
+/// What is left follows each other as it is walked.
+void FrameNodes::forget_lists_in_runs() {
+  LargeVector<int> kept;
+  kept.reserve(neighbors.size() - static_cast<std::size_t>(row_count(runs)) * kLatticeNeighbors);
+  int next = 0;
+  for (int slot = 0; slot < free_count; ++slot) {
+    const int begin = offsets[slot], end = offsets[slot + 1];
+    offsets[slot] = static_cast<int>(kept.size());
+    while (next < static_cast<int>(runs.size()) && runs[next].end() <= slot) ++next;
+    if (next < static_cast<int>(runs.size()) && runs[next].first <= slot) continue;
+    kept.insert(kept.end(), neighbors.begin() + begin, neighbors.begin() + end);
+  }
+  offsets[free_count] = static_cast<int>(kept.size());
+  kept.insert(kept.end(), kAhead, 0);
+  neighbors = std::move(kept);
 }
 
 void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
-  ascend_parts(
-      nodes.runs, first, end,
-      [&](int begin, int stop, int) {
-        nodes.weights.empty() ? residuals<true>(nodes, begin, stop, residual)
-                              : residuals<false>(nodes, begin, stop, residual);
-      },
-      [&](const LatticeRun& run, int begin, int stop) {
-        with_axes(nodes.axes, [&](auto along, auto between, auto across) {
-          residuals_in_run<along, between, across>(nodes, run, begin, stop, residual);
-        });
-      });
+  for_each_row_sums(nodes, first, end, [&](int slot, const RowSums& sums) {
+    store(sums.wanted - sums.found, residual[slot].data());
+  });
 }
 
 SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
   SystemSize size;
-  for (int slot = first; slot < end; ++slot) {
-    const RowSums sums = nodes.weights.empty() ? row_sums<true>(nodes, slot) : row_sums<false>(nodes, slot);
+  for_each_row_sums(nodes, first, end, [&](int slot, const RowSums& sums) {
     size.residual += as_eigen(sums.wanted - sums.found).cast<double>().squaredNorm();
     Eigen::Vector4d b = as_eigen(sums.wanted).cast<double>();
-    for (int k = nodes.offsets[slot + 1] - 1; k >= nodes.offsets[slot]; --k) {
-      const int neighbor = nodes.neighbors[k];
-      if (neighbor < nodes.free_count) break;
-      const double weight = nodes.weights.empty() ? 1.0 : static_cast<double>(nodes.weights[k]);
-      b += weight * as_eigen(positions_of(as_vector(nodes.records[neighbor]))).cast<double>();
-    }
+    nodes.for_each_neighbor(slot, [&](int neighbor, float weight) {
+      if (neighbor < nodes.free_count) return;
+      b += static_cast<double>(weight) *
+           as_eigen(positions_of(as_vector(nodes.records[neighbor]))).cast<double>();
+    });
     size.right_hand_side += b.squaredNorm();
-  }
+  });
   return size;
 }
 

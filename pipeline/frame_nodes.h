@@ -45,13 +45,24 @@ struct FrameNodes {
     for (int axis = 0; axis < 3; ++axis) records[slot].column[axis][3] = now[axis];
   }
 
+  /// Calls body(neighbor, weight) for the neighbors of a free slot.
+  template <typename Body>
+  void for_each_neighbor(int slot, const Body& body) const {
+    for (int k = offsets[slot]; k < offsets[slot + 1]; ++k)
+      body(neighbors[k], weights.empty() ? 1.0f : weights[k]);
+    const auto run = static_cast<std::size_t>(first_run_behind(runs, slot));
+    if (run == runs.size() || slot < runs[run].first) return;
+    for (const int neighbor : runs[run].neighbors(slot)) body(neighbor, 1.0f);
+  }
+
   double diagonal = 1.0;
   int free_count = 0;
   int slot_count = 0;
   LargeVector<int> node_of_slot;
   LargeVector<int> slot_of_node;
   LargeVector<int> offsets;                      ///< per free slot, into neighbors and weights
-  LargeVector<int> neighbors;                    ///< slots, ascending: the held ones last; then some to spare
+  LargeVector<int> neighbors;                    ///< slots, ascending: the held ones last; none of a slot in
+                                                 ///< a run; then some to spare
   LargeVector<float> weights;                    ///< empty where all are one
   LargeVector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
   LargeVector<NodeRecord> records;
@@ -66,6 +77,7 @@ struct FrameNodes {
   void place_at_rest(const Rig& rig);
   void copy_neighborhoods(const Rig& rig);
   void find_runs(const Rig& rig);
+  void forget_lists_in_runs();
 };
 
 /// For free slots [first, end), with the rotations, scales and positions of the records:

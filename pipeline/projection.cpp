@@ -30,13 +30,11 @@ Projection::Projection(const FrameNodes& nodes, ThreadTeam& team) : nodes_(nodes
 /// A times rows, at a slot.
 Eigen::Vector4f Projection::image_row(const SlotRows& rows, int slot) const {
   Eigen::Vector4f sum = Eigen::Vector4f::Zero();
-  for (int k = nodes_.offsets[slot]; k < nodes_.offsets[slot + 1]; ++k) {
-    const int neighbor = nodes_.neighbors[k];
-    const float weight = nodes_.weights.empty() ? 1.0f : nodes_.weights[k];
+  nodes_.for_each_neighbor(slot, [&](int neighbor, float weight) {
     // Held neighbors are the same for both answers as far as A knows: their motion is part of b.
     sum +=
         weight * (neighbor < nodes_.free_count ? Eigen::Vector4f(rows[slot] - rows[neighbor]) : rows[slot]);
-  }
+  });
   return sum;
 }
 

@@ -20,6 +20,15 @@ bool read_steps(int i, const int* neighbors, LatticeRun& run) {
 
 }  // namespace
 
+std::array<int, kLatticeNeighbors> LatticeRun::neighbors(int row) const {
+  const auto [s0, s1, s2, s3] = singles;
+  const auto [p0, p1, p2, p3] = pairs;
+  std::array<int, kLatticeNeighbors> all = {s0, p0, p0 + 1, p1, p1 + 1, s1, -1,
+                                            1,  s2, p2,     p2 + 1, p3, p3 + 1, s3};
+  for (int& neighbor : all) neighbor += row;
+  return all;
+}
+
 std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<const int> neighbors,
                                      const std::function<bool(int, int)>& alike) {
   std::vector<LatticeRun> runs;

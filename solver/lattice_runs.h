@@ -23,6 +23,8 @@ struct LatticeRun {
   std::array<int, 4> pairs{};    ///< to the first of each two, ascending
 
   int end() const { return first + count; }
+  /// Ascending.
+  std::array<int, kLatticeNeighbors> neighbors(int row) const;
 };
 
 /// The runs of a graph, ascending. `neighbors` ascend. A row joins the run of an earlier one, or begins its own,

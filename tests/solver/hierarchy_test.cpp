@@ -96,9 +96,8 @@ std::vector<int> neighbors_of(const LevelMatrix& matrix, int i) {
             result.push_back(i + step);
       },
       [&](const LatticeRun& run, int, int) {
-        result = {i - 1, i + 1};
-        for (const int step : run.singles) result.push_back(i + step);
-        for (const int step : run.pairs) result.insert(result.end(), {i + step, i + step + 1});
+        const auto neighbors = run.neighbors(i);
+        result.assign(neighbors.begin(), neighbors.end());
       });
   std::sort(result.begin(), result.end());
   const int long_row = rows.first_long_from(i);

@@ -41,12 +41,10 @@ TEST(LatticeRuns, hold_the_inside_of_a_body_and_say_what_the_graph_says) {
     last = run.end();
     before += run.count;
     for (int i = run.first; i < run.end(); ++i) {
-      std::vector<int> neighbors = {i - 1, i + 1};
-      for (const int step : run.singles) neighbors.push_back(i + step);
-      for (const int step : run.pairs) neighbors.insert(neighbors.end(), {i + step, i + step + 1});
-      std::sort(neighbors.begin(), neighbors.end());
-      ASSERT_EQ(neighbors, std::vector<int>(graph.neighbors.begin() + graph.offsets[i],
-                                            graph.neighbors.begin() + graph.offsets[i + 1]));
+      const auto neighbors = run.neighbors(i);
+      ASSERT_EQ(std::vector<int>(neighbors.begin(), neighbors.end()),
+                std::vector<int>(graph.neighbors.begin() + graph.offsets[i],
+                                 graph.neighbors.begin() + graph.offsets[i + 1]));
     }
   }
   EXPECT_EQ(row_count(runs), before);

@@ -15,6 +15,7 @@ using Cell = std::array<int, 3>;
 using CellKey = std::int64_t;  // the three numbers of a cell in one, for comparisons alone
 
 constexpr int kItemsPerBlock = 4096;
+constexpr int kPiecesPerBlock = 256;  // of some twenty nodes each
 
 /// Nodes whose edges say how long edges are.
 constexpr int kSampledNodes = 10000;
@@ -166,7 +167,7 @@ Joints joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const Piec
 void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const PieceTransfer& transfer,
                          ThreadTeam& team, DisjointSets& corners) {
   const int count = transfer.piece_count();
-  const int shares = std::min(team.thread_count(), even_block_count(count, kItemsPerBlock));
+  const int shares = std::min(team.thread_count(), even_block_count(count, kPiecesPerBlock));
   std::vector<Joints> joints(static_cast<std::size_t>(shares));
   team.for_each_block(shares, [&](int share) {
     joints[share] = joined_pieces(matrix, pieces, transfer, even_block_begin(count, shares, share),
@@ -180,7 +181,7 @@ void unite_joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const 
 // equation: leave it out.
 std::vector<char> corners_in_use(const PieceTransfer& transfer, DisjointSets& corners, ThreadTeam& team) {
   std::vector<char> reached(static_cast<std::size_t>(transfer.piece_count()) * kCorners, 0);
-  for_items(team, transfer.piece_count(), kItemsPerBlock, [&](int p) {
+  for_items(team, transfer.piece_count(), kPiecesPerBlock, [&](int p) {
     float weights[kCorners];
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)], weights);

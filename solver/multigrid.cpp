@@ -236,7 +236,7 @@ class GroupSolve {
   Double differences(int i, const Row& row, const Double& own, const At& at) const {
     const ShortRows& rows = structure_.short_rows;
     Double sum{};
-    for (const auto step : row.steps) sum += own - at(i + step);
+    for (int k = 0; k < kShortRow; ++k) sum += own - at(i + row.step(k));
     if (!is_long(row, structure_.offsets[i + 1] - structure_.offsets[i])) return sum;
     const int long_row = rows.first_long_from(i);
     for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k)

@@ -40,18 +40,17 @@ inline typename Lanes<kWidth>::Float plain_neighbor_sum(const LevelMatrix& A,
 template <int kWidth, int kSlot, typename Step>
 inline typename Lanes<kWidth>::Float short_row_sum(const ShortRow<Step>& row,
                                                    const typename Lanes<kWidth>::Float* x) {
-  const Step* const steps = row.steps;
-  typename Lanes<kWidth>::Float s0 = x[steps[1 - kSlot]], s1 = x[steps[2]], s2 = x[steps[3]],
-                                s3 = x[steps[4]];
-  s0 += x[steps[5]];
-  s1 += x[steps[6]];
-  s2 += x[steps[7]];
-  s3 += x[steps[8]];
-  s0 += x[steps[9]];
-  s1 += x[steps[10]];
-  s2 += x[steps[11]];
-  s3 += x[steps[12]];
-  s0 += x[steps[13]];
+  typename Lanes<kWidth>::Float s0 = row.at(x, 1 - kSlot), s1 = row.at(x, 2), s2 = row.at(x, 3),
+                                s3 = row.at(x, 4);
+  s0 += row.at(x, 5);
+  s1 += row.at(x, 6);
+  s2 += row.at(x, 7);
+  s3 += row.at(x, 8);
+  s0 += row.at(x, 9);
+  s1 += row.at(x, 10);
+  s2 += row.at(x, 11);
+  s3 += row.at(x, 12);
+  s0 += row.at(x, 13);
   s1 += row.own * x[0];
   return (s0 + s1) + (s2 + s3);
 }
@@ -82,10 +81,10 @@ inline void ascend(const ShortRows& short_rows, const LargeVector<ShortRow<Step>
     const bool is_long = long_row < static_cast<int>(long_rows.size()) && long_rows[long_row] < end;
     const int stop = is_long ? long_rows[long_row] : end;
     for (; i < stop; ++i)
-      visit(i, short_row_sum<kWidth, kSlot>(row[i - before], x + i), x[i + row[i - before].steps[kSlot]]);
+      visit(i, short_row_sum<kWidth, kSlot>(row[i - before], x + i), row[i - before].at(x + i, kSlot));
     if (!is_long) return;
     visit(i, short_row_sum<kWidth, kSlot>(row[i - before], x + i) + rest_sum<kWidth>(short_rows, long_row, x),
-          x[i + row[i - before].steps[kSlot]]);
+          row[i - before].at(x + i, kSlot));
     ++long_row;
   }
 }
@@ -102,10 +101,10 @@ inline void come_down(const ShortRows& short_rows, const LargeVector<ShortRow<St
     const bool is_long = long_row >= 0 && long_rows[long_row] >= begin;
     const int stop = is_long ? long_rows[long_row] : begin - 1;
     for (; i > stop; --i)
-      visit(i, short_row_sum<kWidth, kSlot>(row[i - before], x + i), x[i + row[i - before].steps[kSlot]]);
+      visit(i, short_row_sum<kWidth, kSlot>(row[i - before], x + i), row[i - before].at(x + i, kSlot));
     if (!is_long) return;
     visit(i, short_row_sum<kWidth, kSlot>(row[i - before], x + i) + rest_sum<kWidth>(short_rows, long_row, x),
-          x[i + row[i - before].steps[kSlot]]);
+          row[i - before].at(x + i, kSlot));
     --long_row;
   }
 }

@@ -1,6 +1,8 @@
 #include "solver/short_rows.h"
 
 #include <array>
+#include <cstdlib>
+#include <limits>
 
 #include "solver/sweep_blocks.h"
 
@@ -10,26 +12,26 @@ namespace {
 /// Rows per block of parallel work.
 constexpr int kRowsPerBlock = 4096;
 
-/// One row in so many may have a step that does not fit, and costs what a long row does, before all rows take
+/// One row in so many may have a step that does not fit when it is doubled, and costs what a long row does, before all rows take
 /// twice the memory.
 constexpr int kFarShare = 8;
 
 template <typename Step>
 bool fits(int step) {
-  return step == static_cast<Step>(step);
+  return std::abs(step) <= std::numeric_limits<Step>::max() / 2;
 }
 
 /// The neighbors of row i that its short row holds go to `row`, the others to `left(neighbor)`.
 template <typename Step, typename Left>
 void split_row(int i, std::span<const int> neighbors, ShortRow<Step>& row, const Left& left) {
-  std::array<Step, kShortRow> steps;
+  std::array<int, kShortRow> steps;
   int count = 0, after = 0;  // the first neighbor that is after i
   for (const int neighbor : neighbors) {
     if (count == kShortRow || !fits<Step>(neighbor - i)) {
       left(neighbor);
       continue;
     }
-    steps[count++] = static_cast<Step>(neighbor - i);
+    steps[count++] = neighbor - i;
     if (neighbor < i) after = count;
   }
   row = {};
@@ -39,7 +41,7 @@ void split_row(int i, std::span<const int> neighbors, ShortRow<Step>& row, const
     // A full row without one of the two has a neighbor too many for the other places.
     const int spare = after > 0 ? kAfter : kBefore;
     const int own = k == after - 1 ? kBefore : k == after ? kAfter : place < kShortRow ? place++ : spare;
-    row.steps[own] = steps[k];
+    row.set_step(own, steps[k]);
   }
 }
 
@@ -74,7 +76,7 @@ void fill(std::span<const int> offsets, std::span<const int> neighbors, ThreadTe
   });
 }
 
-/// Whether so few rows outside runs have a step beyond 16 bits that these had better be long rows. Neighbors
+/// Whether so few rows outside runs have a step that does not fit into 16 bits that these had better be long rows. Neighbors
 /// ascend: the first and the last are the farthest.
 bool mostly_near(std::span<const int> offsets, std::span<const int> neighbors,
                  const std::vector<LatticeRun>& runs) {

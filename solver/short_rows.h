@@ -25,8 +25,20 @@ constexpr int kAfter = 1;
 /// loop of its own length. A wrong guess of where such a loop ends costs the processor as much as half a row.
 template <typename Step>
 struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow {
-  Step steps[kShortRow];
+  /// Steps times two: an address takes a number times eight at most, and three coordinates and a pad are
+  /// sixteen bytes.
+  Step doubled[kShortRow];
   float own;  ///< minus the number of unused steps
+
+  int step(int k) const { return doubled[k] / 2; }
+  void set_step(int k, int step) { doubled[k] = static_cast<Step>(2 * step); }
+
+  /// What step k leads to from *x.
+  template <typename Value>
+  const Value& at(const Value* x, int k) const {
+    const char* const place = reinterpret_cast<const char*>(x);
+    return *reinterpret_cast<const Value*>(place + std::ptrdiff_t{doubled[k]} * (sizeof(Value) / 2));
+  }
 };
 
 /// Whether a row with so many neighbors has some that its short row does not hold.

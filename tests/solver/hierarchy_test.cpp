@@ -91,7 +91,7 @@ std::vector<int> neighbors_of(const LevelMatrix& matrix, int i) {
       [&](int, int, int before) {
         for (int k = 0; k < kShortRow; ++k)
           if (const int step =
-                  rows.near.empty() ? rows.far[i - before].steps[k] : rows.near[i - before].steps[k];
+                  rows.near.empty() ? rows.far[i - before].step(k) : rows.near[i - before].step(k);
               step != 0)
             result.push_back(i + step);
       },
@@ -137,10 +137,10 @@ TEST(ShortRows, keep_long_rows_and_steps_that_do_not_fit) {
   ThreadTeam team(1);
   const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   EXPECT_TRUE(rows.far.empty());
-  EXPECT_EQ(rows.near[0].steps[kAfter], 1);
+  EXPECT_EQ(rows.near[0].step(kAfter), 1);
   EXPECT_EQ(rows.near[0].own, 0);
-  EXPECT_EQ(rows.near[19].steps[kBefore], -19);
-  EXPECT_EQ(rows.near[19].steps[kAfter], 0);
+  EXPECT_EQ(rows.near[19].step(kBefore), -19);
+  EXPECT_EQ(rows.near[19].step(kAfter), 0);
   EXPECT_EQ(rows.near[19].own, -13);
   EXPECT_EQ(rows.near[100].own, -14);
   EXPECT_EQ(rows.near[40000].own, -14) << "its only neighbor is too far";
@@ -161,8 +161,8 @@ TEST(ShortRows, are_wide_where_many_steps_are) {
   const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   EXPECT_TRUE(rows.near.empty());
   EXPECT_TRUE(rows.long_rows.empty());
-  EXPECT_EQ(rows.far[7].steps[kAfter], 40000);
-  EXPECT_EQ(rows.far[79999].steps[kBefore], -40000);
+  EXPECT_EQ(rows.far[7].step(kAfter), 40000);
+  EXPECT_EQ(rows.far[79999].step(kBefore), -40000);
   EXPECT_EQ(rows.far[7].own, -13);
 }
 
@@ -181,14 +181,15 @@ TEST(ShortRows, put_the_nearest_rows_where_sweeps_expect_them) {
   ThreadTeam team(1);
   const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   const auto sorted = [&](int i) {
-    std::vector<int> steps(rows.near[i].steps, rows.near[i].steps + kShortRow);
+    std::vector<int> steps;
+    for (int k = 0; k < kShortRow; ++k) steps.push_back(rows.near[i].step(k));
     std::sort(steps.begin(), steps.end());
     return steps;
   };
-  EXPECT_EQ(rows.near[20].steps[kBefore], -3);
-  EXPECT_EQ(rows.near[20].steps[kAfter], 2);
-  EXPECT_EQ(rows.near[0].steps[kAfter], 1);
-  EXPECT_EQ(rows.near[40].steps[kBefore], -1);
+  EXPECT_EQ(rows.near[20].step(kBefore), -3);
+  EXPECT_EQ(rows.near[20].step(kAfter), 2);
+  EXPECT_EQ(rows.near[0].step(kAfter), 1);
+  EXPECT_EQ(rows.near[40].step(kBefore), -1);
   for (int k = 0; k < kShortRow; ++k) {
     EXPECT_EQ(sorted(0)[k], k + 1);
     EXPECT_EQ(sorted(40)[k], k - kShortRow);

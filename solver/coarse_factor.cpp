@@ -2,10 +2,10 @@
 
 #include <amd.h>
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <stdexcept>
 #include <type_traits>
+#include <utility>
 
 namespace sinew {
 namespace {
@@ -21,11 +21,9 @@ constexpr double kSmallestPivot = 1e-6;
 constexpr int kMostZeros = 4;
 constexpr int kZerosShare = 8;
 
-using ColumnMatrix = Eigen::SparseMatrix<double>;
-
 /// Which row comes when, so that few entries are filled in. Eigen has an approximate minimum degree of its
 /// own, up to five times as slow on the rows of some seventy entries that coarse levels have.
-Eigen::VectorXi minimum_degree_order(const ColumnMatrix& A) {
+Eigen::VectorXi minimum_degree_order(const SparseMatrix& A) {
   Eigen::VectorXi order(A.rows());
   const int status = amd_order(static_cast<int>(A.rows()), A.outerIndexPtr(), A.innerIndexPtr(), order.data(),
                                nullptr, nullptr);
@@ -34,85 +32,172 @@ Eigen::VectorXi minimum_degree_order(const ColumnMatrix& A) {
   return order;
 }
 
+/// Columns of a matrix below its diagonal: column k has rows [starts[k], starts[k + 1]).
+struct BelowDiagonal {
+  std::vector<int> starts = {0};
+  std::vector<int> rows;
+  std::vector<double> values;  ///< empty where only the places are known
+
+  int count(int column) const { return starts[column + 1] - starts[column]; }
+};
+
+/// A with row order[k] as its row k.
+BelowDiagonal reordered(const SparseMatrix& A, const Eigen::VectorXi& order) {
+  const int n = static_cast<int>(A.rows());
+  Eigen::VectorXi place(n);
+  for (int k = 0; k < n; ++k) place[order[k]] = k;
+  BelowDiagonal result;
+  for (int k = 0; k < n; ++k) {
+    for (SparseMatrix::InnerIterator entry(A, order[k]); entry; ++entry) {
+      if (place[entry.col()] <= k) continue;
+      result.rows.push_back(place[entry.col()]);
+      result.values.push_back(entry.value());
+    }
+    result.starts.push_back(static_cast<int>(result.rows.size()));
+  }
+  return result;
+}
+
+/// Where the factor has entries: a column has those of A and those of all columns whose first entry is in its
+/// row [Davis 2006, chapter 4].
+BelowDiagonal places_in_factor(const BelowDiagonal& A) {
+  const int n = static_cast<int>(A.starts.size()) - 1;
+  BelowDiagonal result;
+  std::vector<int> first_child(n, -1), next_sibling(n, -1), met_by(n, -1);
+  for (int column = 0; column < n; ++column) {
+    const auto meet = [&](int row) {
+      if (row <= column || met_by[row] == column) return;
+      met_by[row] = column;
+      result.rows.push_back(row);
+    };
+    for (int k = A.starts[column]; k < A.starts[column + 1]; ++k) meet(A.rows[k]);
+    for (int child = first_child[column]; child >= 0; child = next_sibling[child])
+      for (int k = result.starts[child]; k < result.starts[child + 1]; ++k) meet(result.rows[k]);
+    const auto begin = result.rows.begin() + result.starts[column];
+    std::sort(begin, result.rows.end());
+    if (begin != result.rows.end()) next_sibling[column] = std::exchange(first_child[*begin], column);
+    result.starts.push_back(static_cast<int>(result.rows.size()));
+  }
+  return result;
+}
+
 }  // namespace
 
 CoarseFactor::CoarseFactor(const SparseMatrix& A) {
   if (A.rows() == 0) return;
-  // Its rows are its columns: A is symmetric.
-  ColumnMatrix lifted = Eigen::Map<const ColumnMatrix>(A.rows(), A.cols(), A.nonZeros(), A.outerIndexPtr(),
-                                                       A.innerIndexPtr(), A.valuePtr());
-  const Field diagonal = A.diagonal();
-  // A row of zeros gets some pivot: the factorisation stops where there is none.
-  for (Eigen::Index i = 0; i < lifted.rows(); ++i)
-    lifted.coeffRef(i, i) = diagonal[i] > 0 ? (1 + kDiagonalLift) * diagonal[i] : 1.0;
-  const Eigen::VectorXi order = minimum_degree_order(lifted);
-  const Eigen::PermutationMatrix<Eigen::Dynamic> place_of_row =
-      Eigen::PermutationMatrix<Eigen::Dynamic>(order).inverse();
-  ColumnMatrix ordered;
-  ordered.selfadjointView<Eigen::Lower>() = lifted.selfadjointView<Eigen::Lower>().twistedBy(place_of_row);
-  const Eigen::SimplicialLDLT<ColumnMatrix, Eigen::Lower, Eigen::NaturalOrdering<int>> factor(ordered);
-  if (factor.info() != Eigen::Success) throw std::runtime_error("CoarseFactor: the matrix has no factor");
-  const auto n = static_cast<std::size_t>(A.rows());
-  const ColumnMatrix& L = factor.matrixL().nestedExpression();
+  const Eigen::VectorXi order = minimum_degree_order(A);
   order_.assign(order.begin(), order.end());
-  inverse_pivots_.resize(n);
-  for (std::size_t k = 0; k < n; ++k) {
-    const double pivot = factor.vectorD()[k];
-    const bool rounding = !(diagonal[order_[k]] > 0) || !(pivot > kSmallestPivot * diagonal[order_[k]]);
-    inverse_pivots_[k] = rounding ? 0.0f : static_cast<float>(1 / pivot);
-  }
-  std::vector<int> starts = {0}, rows;
-  std::vector<float> values;
-  rows.reserve(static_cast<std::size_t>(L.nonZeros()));
-  values.reserve(static_cast<std::size_t>(L.nonZeros()));
-  for (Eigen::Index column = 0; column < L.outerSize(); ++column) {
-    for (ColumnMatrix::InnerIterator entry(L, column); entry; ++entry) {
-      if (entry.row() <= column) continue;
-      rows.push_back(static_cast<int>(entry.row()));
-      values.push_back(static_cast<float>(entry.value()));
-    }
-    starts.push_back(static_cast<int>(rows.size()));
-  }
-  group_columns(starts, rows, values);
+  const BelowDiagonal ordered = reordered(A, order);
+  const BelowDiagonal factor = places_in_factor(ordered);
+  group_columns(factor.starts, factor.rows);
+  Field diagonal(A.rows());
+  for (Eigen::Index k = 0; k < A.rows(); ++k) diagonal[k] = A.coeff(order[k], order[k]);
+  factorise(ordered.starts, ordered.rows, ordered.values, diagonal);
 }
 
 // The rows of a column that has the next one among them are rows of that one too, so a group's last column
 // has all rows there are. Zeros fill what the others lack.
-void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vector<int>& rows,
-                                 const std::vector<float>& values) {
-  const int n = size();
+void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vector<int>& rows) {
+  const int n = static_cast<int>(starts.size()) - 1;
   const auto count = [&](int column) { return starts[column + 1] - starts[column]; };
   const auto joins = [&](int column) {  // the one before it
     return count(column - 1) > 0 && rows[starts[column - 1]] == column &&
            count(column) + 1 - count(column - 1) <= kMostZeros + count(column) / kZerosShare;
   };
+  std::size_t values = 0;
   for (int first = 0; first < n;) {
     int columns = 1;
     while (columns < kMostColumns && first + columns < n && joins(first + columns)) ++columns;
-    groups_.push_back({first, columns, rows_.size(), values_.size()});
+    groups_.push_back({first, columns, rows_.size(), values});
     const int last = first + columns - 1;
     rows_.insert(rows_.end(), rows.begin() + starts[last], rows.begin() + starts[last + 1]);
-    const std::size_t inside = values_.size();
-    values_.resize(inside + columns * (columns - 1) / 2 + static_cast<std::size_t>(columns) * count(last));
-    float* value = values_.data() + inside;
-    for (int column = first; column < last; ++column) {
-      int k = starts[column];
-      for (int row = column + 1; row <= last; ++row)
-        *value++ = k < starts[column + 1] && rows[k] == row ? values[k++] : 0.0f;
-    }
-    for (int column = first; column <= last; ++column) {
-      int k = static_cast<int>(
-          std::lower_bound(rows.begin() + starts[column], rows.begin() + starts[column + 1], last + 1) -
-          rows.begin());
-      for (int row = 0; k < starts[column + 1]; ++row)
-        if (rows[starts[last] + row] == rows[k]) value[columns * row + column - first] = values[k++];
-    }
+    values += columns * (columns - 1) / 2 + static_cast<std::size_t>(columns) * count(last);
     first += columns;
   }
-  groups_.push_back({n, 0, rows_.size(), values_.size()});
+  groups_.push_back({n, 0, rows_.size(), values});
   groups_.shrink_to_fit();
   rows_.shrink_to_fit();
-  values_.shrink_to_fit();
+}
+
+// Group after group, each first changed by all groups before it that have rows among its columns
+// [Ng, Peyton 1993]: sums over short vectors, a number for each of the group's columns, where a factorisation
+// column by column waits for one number after the other.
+void CoarseFactor::factorise(const std::vector<int>& starts, const std::vector<int>& rows,
+                             const std::vector<double>& entries, const Field& diagonal) {
+  using Four = Lanes<kMostColumns>::Double;
+  const int n = static_cast<int>(diagonal.size()), group_count = static_cast<int>(groups_.size()) - 1;
+  std::vector<double> L(groups_.back().values), pivots(n);
+  std::vector<int> group_of(n), place(n, 0);
+  std::vector<int> first_source(group_count, -1), next_source(group_count, -1);
+  std::vector<std::size_t> next_row(group_count);  // of a group, the first one no later group has had
+  std::vector<double> work;                        // kMostColumns a row of the group
+  inverse_pivots_.resize(n);
+  for (int g = 0; g < group_count; ++g)
+    std::fill_n(group_of.begin() + groups_[g].first, groups_[g].columns, g);
+  const auto wait_for = [&](int g) {  // until the group of its next row comes
+    if (next_row[g] == groups_[g + 1].rows) return;
+    const int later = group_of[rows_[next_row[g]]];
+    next_source[g] = std::exchange(first_source[later], g);
+  };
+  for (int g = 0; g < group_count; ++g) {
+    const Group& group = groups_[g];
+    const int columns = group.columns, behind = group.first + columns;
+    const std::size_t row_count = columns + groups_[g + 1].rows - group.rows;
+    for (int c = 0; c < columns; ++c) place[group.first + c] = kMostColumns * c;
+    for (std::size_t k = group.rows; k < groups_[g + 1].rows; ++k)
+      place[rows_[k]] = kMostColumns * static_cast<int>(columns + k - group.rows);
+    work.assign(kMostColumns * row_count, 0.0);
+    for (int c = 0; c < columns; ++c) {
+      const int column = group.first + c;
+      // A row of zeros gets some pivot.
+      work[place[column] + c] = diagonal[column] > 0 ? (1 + kDiagonalLift) * diagonal[column] : 1.0;
+      for (int k = starts[column]; k < starts[column + 1]; ++k) work[place[rows[k]] + c] = entries[k];
+    }
+
+    for (int source = first_source[g]; source >= 0;) {
+      const Group& from = groups_[source];
+      const double* const below = &L[from.values + from.columns * (from.columns - 1) / 2];
+      std::size_t k = next_row[source];
+      const std::size_t end = groups_[source + 1].rows, begin = k;
+      Four factors[kMostColumns] = {};
+      for (; k < end && rows_[k] < behind; ++k)
+        for (int c = 0; c < from.columns; ++c)
+          factors[c][rows_[k] - group.first] =
+              below[from.columns * (k - from.rows) + c] * pivots[from.first + c];
+      next_row[source] = k;
+      for (k = begin; k < end; ++k) {
+        const double* const values = below + from.columns * (k - from.rows);
+        double* const row = &work[place[rows_[k]]];
+        Four sum = loaded<Four>(row);
+        for (int c = 0; c < from.columns; ++c) sum -= values[c] * factors[c];
+        store(sum, row);
+      }
+      wait_for(std::exchange(source, next_source[source]));
+    }
+
+    for (int c = 0; c < columns; ++c) {
+      const double pivot = work[kMostColumns * c + c];
+      const double whole = diagonal[group.first + c];
+      const bool rounding = !(whole > 0) || !(pivot > kSmallestPivot * whole);
+      pivots[group.first + c] = rounding ? 0.0 : pivot;
+      inverse_pivots_[group.first + c] = rounding ? 0.0f : static_cast<float>(1 / pivot);
+      for (std::size_t row = c + 1; row < row_count; ++row) {
+        double* const values = &work[kMostColumns * row];
+        const double own = std::exchange(values[c], rounding ? 0.0 : values[c] / pivot);
+        if (rounding) continue;
+        for (int other = c + 1; other < columns && other <= static_cast<int>(row); ++other)
+          values[other] -= own * work[kMostColumns * other + c];
+      }
+    }
+    double* value = &L[group.values];
+    for (int c = 0; c < columns; ++c)
+      for (int row = c + 1; row < columns; ++row) *value++ = work[kMostColumns * row + c];
+    for (std::size_t row = columns; row < row_count; ++row)
+      for (int c = 0; c < columns; ++c) *value++ = work[kMostColumns * row + c];
+    next_row[g] = group.rows;
+    wait_for(g);
+  }
+  values_.assign(L.begin(), L.end());
 }
 
 std::size_t CoarseFactor::bytes() const {

@@ -16,7 +16,7 @@ class CoarseFactor {
  public:
   CoarseFactor() = default;  ///< of nothing
   /// `A` symmetric. Directions in which A is zero to rounding (coarse nodes that repeat one another)
-  /// get no correction, rows of zeros among them. Throws std::runtime_error when there is no factor.
+  /// get no correction, rows of zeros among them. Throws std::runtime_error when no ordering is found.
   explicit CoarseFactor(const SparseMatrix& A);
 
   int size() const { return static_cast<int>(inverse_pivots_.size()); }
@@ -40,8 +40,11 @@ class CoarseFactor {
   };
   static constexpr int kMostColumns = 4;
 
-  void group_columns(const std::vector<int>& starts, const std::vector<int>& rows,
-                     const std::vector<float>& values);
+  /// Groups of the columns that have these rows below the diagonal.
+  void group_columns(const std::vector<int>& starts, const std::vector<int>& rows);
+  /// The values of the groups for a matrix with these entries below its diagonal.
+  void factorise(const std::vector<int>& starts, const std::vector<int>& rows,
+                 const std::vector<double>& entries, const Field& diagonal);
   template <int kWidth, int kColumns>
   void go_down(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const;
   template <int kWidth, int kColumns>

@@ -149,6 +149,27 @@ TEST(ShortRows, keep_long_rows_and_steps_that_do_not_fit) {
   EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000, 0}));
 }
 
+TEST(ShortRows, hold_steps_up_to_half_of_what_their_numbers_hold) {
+  // Nodes 0 and 1 have a neighbor 16383 and 16384 places on: doubled, the second one needs more than 16 bits.
+  std::vector<int> offsets = {0}, neighbors;
+  for (int i = 0; i <= 16385; ++i) {
+    if (i == 0) neighbors.push_back(16383);
+    if (i == 1) neighbors.push_back(16385);
+    if (i == 16383) neighbors.push_back(0);
+    if (i == 16385) neighbors.push_back(1);
+    offsets.push_back(static_cast<int>(neighbors.size()));
+  }
+  const std::vector<float> diagonal(offsets.size() - 1, 1.0f);
+  ThreadTeam team(1);
+  const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
+  EXPECT_EQ(rows.near[0].step(kAfter), 16383);
+  EXPECT_EQ(rows.near[16383].step(kBefore), -16383);
+  EXPECT_EQ(rows.long_rows, (LargeVector<int>{1, 16385}));
+  const std::vector<double> numbers(16386, 1.0);
+  EXPECT_EQ(&rows.near[0].at(&numbers[0], kAfter), &numbers[16383]);
+  EXPECT_EQ(&rows.near[16383].at(&numbers[16383], kBefore), &numbers[0]);
+}
+
 TEST(ShortRows, are_wide_where_many_steps_are) {
   // Every node of the first half is joined to the one 40000 places on.
   std::vector<int> offsets = {0}, neighbors;

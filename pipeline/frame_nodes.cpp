@@ -144,9 +144,9 @@ void with_axes(const LatticeAxes& axes, const Body& body) {
   with_along(std::integral_constant<int, 2>{});
 }
 
-/// Calls visit(slot, sums) for slots of a run. Its edges come in opposite pairs and along the lattice, so that
-/// a node's own rotation drops out, a neighbor's columns are added up with nothing but signs, and what two
-/// slots that follow each other have in common is summed once.
+/// Calls visit(slot, sums) for slots of a run. Its edges come in opposite pairs and along the lattice, so
+/// that a node's own rotation drops out, a neighbor's columns are added up with nothing but signs, and what
+/// two slots that follow each other have in common is summed once.
 template <int kAlong, int kBetween, int kAcross, typename Visit>
 inline void sum_rows_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end,
                             const Visit& visit) {
@@ -177,9 +177,9 @@ inline void sum_rows_in_run(const FrameNodes& nodes, const LatticeRun& run, int 
     const Vector16 differences =
         ((own_four_times - shared.all) + (own_four_times - next.all)) +
         (((own_twice - (a + d)) + (own_twice - (b + c))) + (own_twice - (before + behind)));
-    const Vector4 turned_singly = (quarter<kAcross>(a) - quarter<kAcross>(d)) +
-                                  ((quarter<kBetween>(b) - quarter<kBetween>(c)) +
-                                   (quarter<kAlong>(before) - quarter<kAlong>(behind)));
+    const Vector4 turned_singly =
+        (quarter<kAcross>(a) - quarter<kAcross>(d)) +
+        ((quarter<kBetween>(b) - quarter<kBetween>(c)) + (quarter<kAlong>(before) - quarter<kAlong>(behind)));
     const Vector4 turned_in_pairs =
         (shared.turned + next.turned) + (quarter<kAlong>(shared.all) - quarter<kAlong>(next.all));
     const Vector4 wanted = half_spacing * (turned_singly + 0.5f * turned_in_pairs);
@@ -263,8 +263,7 @@ void sum_edges_of(const FrameNodes& nodes, int first, int end, int& next, EdgeSu
   ascend_parts(
       nodes.runs, first, end, next,
       [&](int begin, int stop, int) {
-        for (int slot = begin; slot < stop; ++slot)
-          sums[slot - first] = sum_row_edges<kUniform>(nodes, slot);
+        for (int slot = begin; slot < stop; ++slot) sums[slot - first] = sum_row_edges<kUniform>(nodes, slot);
       },
       [&](const LatticeRun& run, int begin, int stop) {
         with_axes(nodes.axes, [&](auto along, auto between, auto across) {
@@ -281,8 +280,8 @@ int axis_of(const Eigen::Vector3d& edge, double length) {
 }
 
 /// Whether the edges of a lattice's row are those of body-centred cubes along `axes`.
-bool has_lattice_edges(const std::array<Eigen::Vector3d, kLatticeNeighbors>& edges, const Eigen::Vector3i& axes,
-                       double half) {
+bool has_lattice_edges(const std::array<Eigen::Vector3d, kLatticeNeighbors>& edges,
+                       const Eigen::Vector3i& axes, double half) {
   /// By neighbor: half spacings along, between and across.
   constexpr std::array<std::array<int, 3>, kLatticeNeighbors> wanted = {{{0, 0, -2},
                                                                          {-1, -1, -1},

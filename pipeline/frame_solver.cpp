@@ -461,8 +461,8 @@ std::size_t FrameSolver::bytes() const {
   const auto slots = static_cast<std::size_t>(m.nodes.slot_count);
   return slots * (sizeof(NodeRecord) + sizeof(NodePlace) + sizeof(Eigen::Quaternionf) + 4 * sizeof(int)) +
          m.nodes.neighbors.size() * sizeof(int) + m.nodes.weights.size() * sizeof(float) +
-         m.nodes.runs.size() * sizeof(LatticeRun) +
-         m.terms.terms.size() * sizeof(BlendTerm) + m.starts.bytes();
+         m.nodes.runs.size() * sizeof(LatticeRun) + m.terms.terms.size() * sizeof(BlendTerm) +
+         m.starts.bytes();
 }
 
 }  // namespace sinew

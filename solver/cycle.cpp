@@ -55,7 +55,8 @@ inline void restrict_piece(const PieceTransfer& P, int piece, const typename Lan
   sums[7] = xyz;
 }
 
-// Calls put(row of `fine`, value) with the trilinear value at every node of one piece: a polynomial of its place.
+// Calls put(row of `fine`, value) with the trilinear value at every node of one piece: a polynomial of its
+// place.
 template <int kWidth, typename Put>
 inline void interpolate_piece(const PieceTransfer& P, int piece, typename Lanes<kWidth>::Float* fine,
                               const typename Lanes<kWidth>::Float* coarse, const Put& put) {

@@ -87,8 +87,9 @@ CycleCost solve_patches(const std::vector<Patch>& patches) {
     const std::int64_t n = patch.size();
     const auto neighbors = static_cast<std::int64_t>(patch.neighbors.size());
     const auto factor = static_cast<std::int64_t>(patch.factor.bytes());
-    cost = cost + CycleCost{static_cast<std::int64_t>(patch.bytes()) + factor + neighbors * kRow + 8 * n * kRow,
-                            kLanes * (2 * neighbors + 4 * patch.factor.entries() + 5 * n)};
+    cost =
+        cost + CycleCost{static_cast<std::int64_t>(patch.bytes()) + factor + neighbors * kRow + 8 * n * kRow,
+                         kLanes * (2 * neighbors + 4 * patch.factor.entries() + 5 * n)};
   }
   return cost;
 }

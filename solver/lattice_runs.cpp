@@ -23,8 +23,8 @@ bool read_steps(int i, const int* neighbors, LatticeRun& run) {
 std::array<int, kLatticeNeighbors> LatticeRun::neighbors(int row) const {
   const auto [s0, s1, s2, s3] = singles;
   const auto [p0, p1, p2, p3] = pairs;
-  std::array<int, kLatticeNeighbors> all = {s0, p0, p0 + 1, p1, p1 + 1, s1, -1,
-                                            1,  s2, p2,     p2 + 1, p3, p3 + 1, s3};
+  std::array<int, kLatticeNeighbors> all = {s0, p0, p0 + 1, p1,     p1 + 1, s1,     -1,
+                                            1,  s2, p2,     p2 + 1, p3,     p3 + 1, s3};
   for (int& neighbor : all) neighbor += row;
   return all;
 }
@@ -61,9 +61,9 @@ std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<con
 }
 
 int first_run_behind(const std::vector<LatticeRun>& runs, int row) {
-  return static_cast<int>(
-      std::partition_point(runs.begin(), runs.end(), [row](const LatticeRun& run) { return run.end() <= row; }) -
-      runs.begin());
+  return static_cast<int>(std::partition_point(runs.begin(), runs.end(),
+                                               [row](const LatticeRun& run) { return run.end() <= row; }) -
+                          runs.begin());
 }
 
 }  // namespace sinew

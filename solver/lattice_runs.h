@@ -18,7 +18,7 @@ constexpr int kLatticeNeighbors = 14;
 struct LatticeRun {
   int first = 0;
   int count = 0;
-  int before = 0;                 ///< rows of all runs before this one
+  int before = 0;                ///< rows of all runs before this one
   std::array<int, 4> singles{};  ///< ascending
   std::array<int, 4> pairs{};    ///< to the first of each two, ascending
 
@@ -27,9 +27,9 @@ struct LatticeRun {
   std::array<int, kLatticeNeighbors> neighbors(int row) const;
 };
 
-/// The runs of a graph, ascending. `neighbors` ascend. A row joins the run of an earlier one, or begins its own,
-/// where its steps allow it and alike(first row of the run, row) says so. Shorter runs than are worth their
-/// start are left out. O(entries).
+/// The runs of a graph, ascending. `neighbors` ascend. A row joins the run of an earlier one, or begins its
+/// own, where its steps allow it and alike(first row of the run, row) says so. Shorter runs than are worth
+/// their start are left out. O(entries).
 std::vector<LatticeRun> lattice_runs(std::span<const int> offsets, std::span<const int> neighbors,
                                      const std::function<bool(int, int)>& alike);
 
@@ -86,7 +86,7 @@ void descend_parts(const std::vector<LatticeRun>& runs, int begin, int end, cons
   }
 }
 
-/// Calls visit(i, own pairs, others) for rows [begin, end) of a run, ascending or (kStep -1) descending:
+/// Calls visit(i, pairs, singles) for rows [begin, end) of a run, ascending or (kStep -1) descending:
 /// sums of `at` over the eight neighbors in pairs and over the four single ones of other lines. What two rows
 /// that follow each other have in common is summed once, so that a row reads eight others instead of twelve:
 /// `visit` may change its own row alone. Sums of equal numbers are exact.

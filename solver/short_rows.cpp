@@ -12,8 +12,8 @@ namespace {
 /// Rows per block of parallel work.
 constexpr int kRowsPerBlock = 4096;
 
-/// One row in so many may have a step that does not fit when it is doubled, and costs what a long row does, before all rows take
-/// twice the memory.
+/// One row in so many may have a step that does not fit when it is doubled, and costs what a long row does,
+/// before all rows take twice the memory.
 constexpr int kFarShare = 8;
 
 template <typename Step>
@@ -63,8 +63,9 @@ void fill(std::span<const int> offsets, std::span<const int> neighbors, ThreadTe
   const auto neighbors_of = [&](int i) { return neighbors.subspan(offsets[i], offsets[i + 1] - offsets[i]); };
   rows.resize(static_cast<std::size_t>(n - row_count(result.runs)));
   for_runs(team, n, kRowsPerBlock, [&](int begin, int end) {
-    for_each_loose_row(result.runs, begin, end,
-                       [&](int i, int place) { split_row<Step>(i, neighbors_of(i), rows[place], [](int) {}); });
+    for_each_loose_row(result.runs, begin, end, [&](int i, int place) {
+      split_row<Step>(i, neighbors_of(i), rows[place], [](int) {});
+    });
   });
   result.rest_offsets = {0};
   for_each_loose_row(result.runs, 0, n, [&](int i, int place) {
@@ -76,8 +77,8 @@ void fill(std::span<const int> offsets, std::span<const int> neighbors, ThreadTe
   });
 }
 
-/// Whether so few rows outside runs have a step that does not fit into 16 bits that these had better be long rows. Neighbors
-/// ascend: the first and the last are the farthest.
+/// Whether so few rows outside runs have a step that does not fit into 16 bits that these had better be long
+/// rows. Neighbors ascend: the first and the last are the farthest.
 bool mostly_near(std::span<const int> offsets, std::span<const int> neighbors,
                  const std::vector<LatticeRun>& runs) {
   const int n = static_cast<int>(offsets.size()) - 1;
@@ -94,7 +95,8 @@ bool mostly_near(std::span<const int> offsets, std::span<const int> neighbors,
 }  // namespace
 
 std::size_t ShortRows::bytes() const {
-  return runs.capacity() * sizeof(runs[0]) + near.capacity() * sizeof(near[0]) + far.capacity() * sizeof(far[0]) +
+  return runs.capacity() * sizeof(runs[0]) + near.capacity() * sizeof(near[0]) +
+         far.capacity() * sizeof(far[0]) +
          (long_rows.capacity() + rest_offsets.capacity() + rest.capacity()) * sizeof(int);
 }
 

@@ -82,7 +82,8 @@ class LatticeBlocks : public testing::TestWithParam<std::pair<int, int>> {
   /// By the volume's graph.
   template <typename Body>
   void for_each_neighbor(int slot, const Body& body) const {
-    for (const int node : rig.volume.graph.neighbors_of(nodes.node_of_slot[slot])) body(nodes.slot_of_node[node]);
+    for (const int node : rig.volume.graph.neighbors_of(nodes.node_of_slot[slot]))
+      body(nodes.slot_of_node[node]);
   }
   Eigen::Vector3d wanted(int slot) const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();

@@ -62,15 +62,16 @@ Eigen::VectorXd lane_of(const std::vector<Row>& rows, int lane) {
 }
 
 TEST(CoarseFactor, leaves_a_residual_of_single_precision) {
-  const std::vector<graphs::Body> bodies = {graphs::bcc_ball(700), graphs::comb(20, 15), graphs::sheet(30, 12),
-                                            graphs::path(200), graphs::star(9, 12), graphs::hub(300),
-                                            graphs::tree(6)};
+  const std::vector<graphs::Body> bodies = {
+      graphs::bcc_ball(700), graphs::comb(20, 15), graphs::sheet(30, 12), graphs::path(200),
+      graphs::star(9, 12),   graphs::hub(300),     graphs::tree(6)};
   for (std::size_t k = 0; k < bodies.size(); ++k) {
     const SparseMatrix A = matrix(graphs::bent(bodies[k]).system);
     const std::vector<Row> b = some_rows(A.rows()), x = solved(A, b);
     for (int lane = 0; lane < 4; ++lane) {
       const Eigen::VectorXd answer = lane_of(x, lane), wanted = lane_of(b, lane);
-      EXPECT_LT((A * answer - wanted).norm(), 1e-6 * (A.norm() * answer.norm() + wanted.norm())) << "body " << k;
+      EXPECT_LT((A * answer - wanted).norm(), 1e-6 * (A.norm() * answer.norm() + wanted.norm()))
+          << "body " << k;
     }
   }
 }

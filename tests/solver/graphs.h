@@ -351,7 +351,8 @@ inline Problem bent(const Body& body, Order order = Order::breadth_first) {
   std::vector<int> nodes = free_nodes;
   if (order == Order::breadth_first) {
     nodes.clear();
-    for (int k : breadth_first_order(induced_subgraph(body.graph, free_nodes))) nodes.push_back(free_nodes[k]);
+    for (int k : breadth_first_order(induced_subgraph(body.graph, free_nodes)))
+      nodes.push_back(free_nodes[k]);
   }
 
   const double size = body.positions.cwiseAbs().maxCoeff();

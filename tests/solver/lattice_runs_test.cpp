@@ -198,8 +198,8 @@ TEST(LatticeRuns, solves_end_at_the_direct_answer_and_a_constant_is_none) {
   Columns direct(n, 3), x = Columns::Zero(n, 3);
   const CholeskySolver cholesky(problem.system);
   cholesky.solve(problem.b, direct, {}, *cholesky.make_workspace(3));
-  const SolveReport report = solver.solve(problem.b, x, {.tolerance = 1e-10, .from_zero = true},
-                                          *solver.make_workspace(3));
+  const SolveReport report =
+      solver.solve(problem.b, x, {.tolerance = 1e-10, .from_zero = true}, *solver.make_workspace(3));
   EXPECT_TRUE(report.converged);
   EXPECT_LT((x - direct).norm(), 1e-9 * direct.norm());
 
@@ -208,8 +208,8 @@ TEST(LatticeRuns, solves_end_at_the_direct_answer_and_a_constant_is_none) {
   Columns wanted(n, 3);
   for (int column = 0; column < 3; ++column) wanted.col(column) = 1e6 * problem.system.anchor;
   Columns same = far;
-  const SolveReport constant = solver.solve(wanted, same, {.tolerance = 0.0, .max_cycles = 0},
-                                            *solver.make_workspace(3));
+  const SolveReport constant =
+      solver.solve(wanted, same, {.tolerance = 0.0, .max_cycles = 0}, *solver.make_workspace(3));
   EXPECT_EQ(constant.residual, 0.0);
 }
 

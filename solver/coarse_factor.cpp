@@ -179,12 +179,13 @@ void CoarseFactor::factorise(const std::vector<int>& starts, const std::vector<i
       const double pivot = work[kMostColumns * c + c];
       const double whole = diagonal[group.first + c];
       const bool rounding = !(whole > 0) || !(pivot > kSmallestPivot * whole);
-      pivots[group.first + c] = rounding ? 0.0 : pivot;
-      inverse_pivots_[group.first + c] = rounding ? 0.0f : static_cast<float>(1 / pivot);
+      // A direction without a correction is eliminated all the same: holding it would hold its neighbors.
+      const double inverse = pivot != 0.0 ? 1 / pivot : 0.0;
+      pivots[group.first + c] = pivot;
+      inverse_pivots_[group.first + c] = rounding ? 0.0f : static_cast<float>(inverse);
       for (std::size_t row = c + 1; row < row_count; ++row) {
         double* const values = &work[kMostColumns * row];
-        const double own = std::exchange(values[c], rounding ? 0.0 : values[c] / pivot);
-        if (rounding) continue;
+        const double own = std::exchange(values[c], values[c] * inverse);
         for (int other = c + 1; other < columns && other <= static_cast<int>(row); ++other)
           values[other] -= own * work[kMostColumns * other + c];
       }

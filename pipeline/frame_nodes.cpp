@@ -393,14 +393,18 @@ void FrameNodes::find_runs(const Rig& rig) {
 void FrameNodes::forget_lists_in_runs() {
   LargeVector<int> kept;
   kept.reserve(neighbors.size() - static_cast<std::size_t>(row_count(runs)) * kLatticeNeighbors);
-  int next = 0;
-  for (int slot = 0; slot < free_count; ++slot) {
-    const int begin = offsets[slot], end = offsets[slot + 1];
-    offsets[slot] = static_cast<int>(kept.size());
-    while (next < static_cast<int>(runs.size()) && runs[next].end() <= slot) ++next;
-    if (next < static_cast<int>(runs.size()) && runs[next].first <= slot) continue;
-    kept.insert(kept.end(), neighbors.begin() + begin, neighbors.begin() + end);
-  }
+  ascend_parts(
+      runs, 0, free_count,
+      [&](int first, int last, int) {
+        for (int slot = first; slot < last; ++slot) {
+          const int begin = offsets[slot], end = offsets[slot + 1];
+          offsets[slot] = static_cast<int>(kept.size());
+          kept.insert(kept.end(), neighbors.begin() + begin, neighbors.begin() + end);
+        }
+      },
+      [&](const LatticeRun&, int first, int last) {
+        std::fill(offsets.begin() + first, offsets.begin() + last, static_cast<int>(kept.size()));
+      });
   offsets[free_count] = static_cast<int>(kept.size());
   kept.insert(kept.end(), kAhead, 0);
   neighbors = std::move(kept);

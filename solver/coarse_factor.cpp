@@ -21,6 +21,23 @@ constexpr double kSmallestPivot = 1e-6;
 constexpr int kMostZeros = 4;
 constexpr int kZerosShare = 8;
 
+}  // namespace
+
+/// Columns of a matrix below its diagonal: column k has rows [starts[k], starts[k + 1]).
+struct CoarseFactor::BelowDiagonal {
+  std::vector<int> starts = {0};
+  std::vector<int> rows;
+  std::vector<double> values;  ///< empty where only the places are known
+
+  int size() const { return static_cast<int>(starts.size()) - 1; }
+  int count(int column) const { return starts[column + 1] - starts[column]; }
+
+  static BelowDiagonal reordered(const SparseMatrix& A, const Eigen::VectorXi& order);
+  static BelowDiagonal of_factor(const BelowDiagonal& A);
+};
+
+namespace {
+
 /// Which row comes when, so that few entries are filled in. Eigen has an approximate minimum degree of its
 /// own, up to five times as slow on the rows of some seventy entries that coarse levels have.
 Eigen::VectorXi minimum_degree_order(const SparseMatrix& A) {
@@ -32,17 +49,11 @@ Eigen::VectorXi minimum_degree_order(const SparseMatrix& A) {
   return order;
 }
 
-/// Columns of a matrix below its diagonal: column k has rows [starts[k], starts[k + 1]).
-struct BelowDiagonal {
-  std::vector<int> starts = {0};
-  std::vector<int> rows;
-  std::vector<double> values;  ///< empty where only the places are known
-
-  int count(int column) const { return starts[column + 1] - starts[column]; }
-};
+}  // namespace
 
 /// A with row order[k] as its row k.
-BelowDiagonal reordered(const SparseMatrix& A, const Eigen::VectorXi& order) {
+CoarseFactor::BelowDiagonal CoarseFactor::BelowDiagonal::reordered(const SparseMatrix& A,
+                                                                   const Eigen::VectorXi& order) {
   const int n = static_cast<int>(A.rows());
   Eigen::VectorXi place(n);
   for (int k = 0; k < n; ++k) place[order[k]] = k;
@@ -60,8 +71,8 @@ BelowDiagonal reordered(const SparseMatrix& A, const Eigen::VectorXi& order) {
 
 /// Where the factor has entries: a column has those of A and those of all columns whose first entry is in its
 /// row [Davis 2006, chapter 4].
-BelowDiagonal places_in_factor(const BelowDiagonal& A) {
-  const int n = static_cast<int>(A.starts.size()) - 1;
+CoarseFactor::BelowDiagonal CoarseFactor::BelowDiagonal::of_factor(const BelowDiagonal& A) {
+  const int n = A.size();
   BelowDiagonal result;
   std::vector<int> first_child(n, -1), next_sibling(n, -1), met_by(n, -1);
   for (int column = 0; column < n; ++column) {
@@ -81,28 +92,25 @@ BelowDiagonal places_in_factor(const BelowDiagonal& A) {
   return result;
 }
 
-}  // namespace
-
 CoarseFactor::CoarseFactor(const SparseMatrix& A) {
   if (A.rows() == 0) return;
   const Eigen::VectorXi order = minimum_degree_order(A);
   order_.assign(order.begin(), order.end());
-  const BelowDiagonal ordered = reordered(A, order);
-  const BelowDiagonal factor = places_in_factor(ordered);
-  group_columns(factor.starts, factor.rows);
+  const BelowDiagonal ordered = BelowDiagonal::reordered(A, order);
+  group_columns(BelowDiagonal::of_factor(ordered));
   Field diagonal(A.rows());
   for (Eigen::Index k = 0; k < A.rows(); ++k) diagonal[k] = A.coeff(order[k], order[k]);
-  factorise(ordered.starts, ordered.rows, ordered.values, diagonal);
+  factorise(ordered, diagonal);
 }
 
 // The rows of a column that has the next one among them are rows of that one too, so a group's last column
 // has all rows there are. Zeros fill what the others lack.
-void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vector<int>& rows) {
-  const int n = static_cast<int>(starts.size()) - 1;
-  const auto count = [&](int column) { return starts[column + 1] - starts[column]; };
+void CoarseFactor::group_columns(const BelowDiagonal& factor) {
+  const int n = factor.size();
   const auto joins = [&](int column) {  // the one before it
-    return count(column - 1) > 0 && rows[starts[column - 1]] == column &&
-           count(column) + 1 - count(column - 1) <= kMostZeros + count(column) / kZerosShare;
+    const int count = factor.count(column), before = factor.count(column - 1);
+    return before > 0 && factor.rows[factor.starts[column - 1]] == column &&
+           count + 1 - before <= kMostZeros + count / kZerosShare;
   };
   std::size_t values = 0;
   for (int first = 0; first < n;) {
@@ -110,8 +118,9 @@ void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vect
     while (columns < kMostColumns && first + columns < n && joins(first + columns)) ++columns;
     groups_.push_back({first, columns, rows_.size(), values});
     const int last = first + columns - 1;
-    rows_.insert(rows_.end(), rows.begin() + starts[last], rows.begin() + starts[last + 1]);
-    values += columns * (columns - 1) / 2 + static_cast<std::size_t>(columns) * count(last);
+    rows_.insert(rows_.end(), factor.rows.begin() + factor.starts[last],
+                 factor.rows.begin() + factor.starts[last + 1]);
+    values += columns * (columns - 1) / 2 + static_cast<std::size_t>(columns) * factor.count(last);
     first += columns;
   }
   groups_.push_back({n, 0, rows_.size(), values});
@@ -122,8 +131,7 @@ void CoarseFactor::group_columns(const std::vector<int>& starts, const std::vect
 // Group after group, each first changed by all groups before it that have rows among its columns
 // [Ng, Peyton 1993]: sums over short vectors, a number for each of the group's columns, where a factorisation
 // column by column waits for one number after the other.
-void CoarseFactor::factorise(const std::vector<int>& starts, const std::vector<int>& rows,
-                             const std::vector<double>& entries, const Field& diagonal) {
+void CoarseFactor::factorise(const BelowDiagonal& A, const Field& diagonal) {
   using Four = Lanes<kMostColumns>::Double;
   const int n = static_cast<int>(diagonal.size()), group_count = static_cast<int>(groups_.size()) - 1;
   std::vector<double> L(groups_.back().values), pivots(n);
@@ -151,7 +159,7 @@ void CoarseFactor::factorise(const std::vector<int>& starts, const std::vector<i
       const int column = group.first + c;
       // A row of zeros gets some pivot.
       work[place[column] + c] = diagonal[column] > 0 ? (1 + kDiagonalLift) * diagonal[column] : 1.0;
-      for (int k = starts[column]; k < starts[column + 1]; ++k) work[place[rows[k]] + c] = entries[k];
+      for (int k = A.starts[column]; k < A.starts[column + 1]; ++k) work[place[A.rows[k]] + c] = A.values[k];
     }
 
     for (int source = first_source[g]; source >= 0;) {

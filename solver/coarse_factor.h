@@ -40,11 +40,11 @@ class CoarseFactor {
   };
   static constexpr int kMostColumns = 4;
 
-  /// Groups of the columns that have these rows below the diagonal.
-  void group_columns(const std::vector<int>& starts, const std::vector<int>& rows);
+  struct BelowDiagonal;
+  /// Groups of the columns that have entries in these places.
+  void group_columns(const BelowDiagonal& factor);
   /// The values of the groups for a matrix with these entries below its diagonal.
-  void factorise(const std::vector<int>& starts, const std::vector<int>& rows,
-                 const std::vector<double>& entries, const Field& diagonal);
+  void factorise(const BelowDiagonal& A, const Field& diagonal);
   template <int kWidth, int kColumns>
   void go_down(const Group& group, std::size_t rows_end, typename Lanes<kWidth>::Float* x) const;
   template <int kWidth, int kColumns>

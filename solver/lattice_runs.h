@@ -5,7 +5,8 @@
 #include <span>
 #include <vector>
 
-/// Internal: the rows of a graph that need no list of neighbors, because they lie inside a lattice.
+/// Internal to solver/ and pipeline/: the rows of a graph that need no list of neighbors, because they lie
+/// inside a lattice.
 namespace sinew {
 
 /// Neighbors of a node inside a body-centred lattice.
@@ -19,8 +20,8 @@ struct LatticeRun {
   int first = 0;
   int count = 0;
   int before = 0;                ///< rows of all runs before this one
-  std::array<int, 4> singles{};  ///< ascending
-  std::array<int, 4> pairs{};    ///< to the first of each two, ascending
+  std::array<int, 4> singles{};  ///< steps from a row, ascending
+  std::array<int, 4> pairs{};    ///< steps to the first of each two, ascending
 
   int end() const { return first + count; }
   /// Ascending.

@@ -13,6 +13,7 @@
 /// Internal to solver/: where the neighbors of a row are, when all off-diagonal entries have one weight.
 namespace sinew {
 
+/// Neighbors that a row holds itself.
 constexpr int kShortRow = kLatticeNeighbors;
 
 /// Steps that have places of their own: to the nearest row before and to the nearest one after. A sweep that

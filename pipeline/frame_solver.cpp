@@ -346,9 +346,9 @@ void FrameSolver::Members::update_records() {
 
 /// One solve, from the start in the records to positions in the places.
 void FrameSolver::Members::correct_until_good(FrameReport& report) {
-  ++report.solves;
+  const double allowed = error_allowed(options, report.solves++);
   if (!workspace) return;
-  const double tolerance = std::max(options.tolerance, kLeastTolerance);
+  const double tolerance = allowed * std::max(options.tolerance, kLeastTolerance);
   CorrectionReport step;
   int cycles = 0;
   bool first = true;
@@ -379,10 +379,10 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
     });
     first = false;
   } while (wanting());
-  const double error = step.error_left;
   starts.judge();
+  const double error = step.error_left / allowed;
   report.error = error <= report.error ? report.error : error;
-  report.converged = report.converged && error <= tolerance;
+  report.converged = report.converged && step.error_left <= tolerance;
 }
 
 double FrameSolver::Members::measured_residual() {
@@ -410,10 +410,9 @@ FrameReport FrameSolver::Members::solve(const Pose& pose) {
     pin(pose);
   });
   correct_until_good(report);
-  const int iterations = options.deform == Deform::refined ? options.local_global : 0;
-  for (int iteration = 1; iteration <= iterations; ++iteration) {
+  for (int solve = 1; solve < solve_count(options); ++solve) {
     timed(FrameStage::local, report, [&] {
-      starts.choose(iteration);
+      starts.choose(solve);
       fit_locally();
     });
     correct_until_good(report);

@@ -26,8 +26,9 @@ enum class Start {
 /// form on it is allowed and stands between the two.
 struct FrameOptions {
   Deform deform = Deform::refined;
-  /// Estimated largest error of any node, as a share of the rest box's diagonal. Positions are kept in single
-  /// precision: what lies below 1e-6 is not asked for.
+  /// Estimated largest error of any node, as a share of the rest box's diagonal. What a refined frame's earlier
+  /// solves leave counts by what of it reaches the answer. Positions are kept in single precision: what lies
+  /// below 1e-6 is not asked for.
   double tolerance = 1e-4;
   int max_cycles = 20;  ///< per solve; stopping here is an outcome (FrameReport::converged), not an exception
   Start start = Start::automatic;
@@ -47,7 +48,7 @@ struct FrameReport {
   int cycles = 0;          ///< over all solves of the frame
   int full_cycles = 0;     ///< those of them asked of Reach::far: with multigrid, of full multigrid
   int light_cycles = 0;    ///< those asked of Reach::light: V-cycles with half the smoothing
-  double error = 0.0;      ///< estimated largest error of any node, of the worst solve, share of the diagonal
+  double error = 0.0;      ///< estimated largest error of any node, share of the diagonal
   double residual = 0.0;   ///< |b - A x| / |b| of the last solve, if measured
   bool converged = false;  ///< every solve reached the tolerance
   std::array<double, kFrameStageCount> milliseconds{};

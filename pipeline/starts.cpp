@@ -54,12 +54,19 @@ const Subspace* foreseeing_subspace(const Rig& rig, Start start) {
 
 }  // namespace
 
+int solve_count(const FrameOptions& options) {
+  return options.deform == Deform::refined ? 1 + options.local_global : 1;
+}
+
+double error_allowed(const FrameOptions& options, int solve) {
+  return 1 << std::min(solve_count(options) - 1 - solve, 2);
+}
+
 Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
                ThreadTeam& team)
     : nodes_(nodes),
       terms_(terms),
-      start_(options.start),
-      tolerance_(options.tolerance),
+      options_(options),
       skinning_(rig, nodes),
       subspace_(foreseeing_subspace(rig, options.start)),
       sampled_slots_([&] {
@@ -69,8 +76,8 @@ Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, 
         return slots;
       }()),
       sampled_terms_(terms, sampled_slots_),
-      histories_(options.deform == Deform::refined ? 1 + options.local_global : 1) {
-  if (start_ == Start::fischer) projection_.emplace(nodes, team);
+      histories_(solve_count(options)) {
+  if (options_.start == Start::fischer) projection_.emplace(nodes, team);
   for (const int slot : sampled_slots_) sampled_rest_.push_back(nodes.records[slot].rest);
   const SlotRows zero(nodes.free_count, Eigen::Vector4f::Zero());
   const SlotRows none(sampled_slots_.size(), Eigen::Vector4f::Zero());
@@ -113,13 +120,14 @@ Starts::Mixture Starts::fitted_mixture() const {
     along += steps.transpose() * (at(-1) - at(0));
   }
   // Answers are wrong by up to the tolerance: where hardly anything moved, large multiples would be of that.
-  square.diagonal().array() += static_cast<double>(sampled_slots_.size()) * tolerance_ * tolerance_;
+  square.diagonal().array() += static_cast<double>(sampled_slots_.size()) * options_.tolerance * options_.tolerance;
   const Eigen::Vector2f steps = (square.inverse() * along).cast<float>();
   return {kFrames, {1.0f + steps[0], steps[1] - steps[0], -steps[1]}};
 }
 
 /// The start that needs the least work; among equals the one with the smallest error.
 Starts::Choice Starts::cheapest(bool only_foreseeing) const {
+  const double tolerance = options_.tolerance * error_allowed(options_, 0);
   Choice best;
   double least = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kMixtures; ++k) {
@@ -133,7 +141,7 @@ Starts::Choice Starts::cheapest(bool only_foreseeing) const {
       plain = std::max(plain, rest + left_by(mixture, foreseen_, sample).squaredNorm());
     }
     const auto offer = [&](Choice choice, double error, double cost) {
-      cost += later_cycles(error, tolerance_) * kNearCost + 1e-3 * error / tolerance_;
+      cost += later_cycles(error, tolerance) * kNearCost + 1e-3 * error / tolerance;
       if (!(cost < least)) return;
       best = choice;
       least = cost;
@@ -148,7 +156,7 @@ Starts::Choice Starts::cheapest(bool only_foreseeing) const {
 
 Starts::Choice Starts::choose_first() const {
   const auto polynomial = [&](int degree) { return Choice{mixtures_[std::clamp(known_ - 1, 0, degree)]}; };
-  switch (start_) {
+  switch (options_.start) {
     case Start::zero:
       return {};
     case Start::previous:
@@ -222,13 +230,14 @@ void Starts::begin_first(int first, int end) {
 void Starts::choose(int solve) {
   solve_ = solve;
   int wanted = histories_[solve].best;
-  if (start_ == Start::previous) wanted = 0;
-  if (start_ == Start::linear) wanted = 1;
-  if (start_ == Start::quadratic) wanted = 2;
+  if (options_.start == Start::previous) wanted = 0;
+  if (options_.start == Start::linear) wanted = 1;
+  if (options_.start == Start::quadratic) wanted = 2;
   if (mixtures_[wanted].count == 0) wanted = std::max(known_ - 1, 0);
-  const bool from_before = start_ == Start::zero || known_ == 0;
+  const bool from_before = options_.start == Start::zero || known_ == 0;
   // What the local step changes reaches far; extrapolated, little of it is left.
-  const Reach near = histories_[solve].wrong[wanted] < kLightBelow * tolerance_ ? Reach::light : Reach::near;
+  const double tolerance = options_.tolerance * error_allowed(options_, solve);
+  const Reach near = histories_[solve].wrong[wanted] < kLightBelow * tolerance ? Reach::light : Reach::near;
   choice_ = from_before ? Choice{{}, false, Reach::far} : Choice{mixtures_[wanted], false, near};
 }
 

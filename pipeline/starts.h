@@ -13,6 +13,13 @@
 /// Internal to pipeline/: where the solves of a frame begin.
 namespace sinew {
 
+int solve_count(const FrameOptions& options);
+
+/// Error that a frame's solve, numbered from 0, may leave, for one of 1 in the frame's answer. Fits of
+/// rotations pass on less than half of it each: measured over clips of fast motion, from an estimate before the
+/// last fit at most .41 arrived, and no more than that from before the last two.
+double error_allowed(const FrameOptions& options, int solve);
+
 /// The starts of a frame's solves, foretold in time.
 ///
 /// The first solve starts from a mixture of the last three answers: extrapolated by a polynomial of degree 0
@@ -122,8 +129,7 @@ class Starts {
 
   const FrameNodes& nodes_;
   const SlotTerms& terms_;
-  Start start_;
-  double tolerance_;
+  const FrameOptions options_;
   SkinningBase skinning_;
   const Subspace* subspace_;  // null: skinning foresees
   std::optional<Projection> projection_;

@@ -17,9 +17,9 @@ constexpr double kFlat = 1e-3;
 /// What an edge of a run may be off, in its own lengths.
 constexpr double kStraight = 1e-6;
 
-/// Links, three rows or so, by which the passes over the edges tell the caches what they will want: the
+/// Links, some eight rows, by which the passes over the edges tell the caches what they will want: the
 /// records of a large body do not fit the second level. As many entries behind the last link make that safe.
-constexpr int kAhead = 48;
+constexpr int kAhead = 112;
 
 using Vector4 = Wide<float, 4>;
 using Vector8 = Wide<float, 8>;
@@ -101,112 +101,65 @@ inline Eigen::Vector4f as_eigen(const Vector4& v) {
   return four;
 }
 
-/// sum_j w 1/2 (s_i R_i + s_j R_j) (x0_i - x0_j), and sum_j w (x_i - x_j).
-struct RowSums {
-  Vector4 wanted;
-  Vector4 found;
-};
+/// From L of the records, the residual but for what the rest's own L adds.
+inline Vector4 residual_of(const Vector16& own, const Vector16& differences) {
+  return positions_of(differences) - 0.5f * sum_of_columns(spread_rest(own) * differences);
+}
 
-/// All differences of an edge are one subtraction: the record of one end minus that of the other.
 template <bool kUniform>
-inline RowSums row_sums(const FrameNodes& nodes, int slot) {
+inline Vector4 residual_row(const FrameNodes& nodes, int slot) {
   const auto own = loaded<Vector16>(nodes.records[slot].column[0].data());
   Vector16 differences{};
-  Vector16 turned{};
   const int end = nodes.offsets[slot + 1];
   for (int k = nodes.offsets[slot]; k < end; ++k) {
     __builtin_prefetch(&nodes.records[nodes.neighbors[k + kAhead]]);
-    const Vector16& other = as_vector(nodes.records[nodes.neighbors[k]]);
-    Vector16 difference = own - other;
+    Vector16 difference = own - as_vector(nodes.records[nodes.neighbors[k]]);
     if constexpr (!kUniform) difference *= nodes.weights[k];
     differences += difference;
-    turned += spread_rest(difference) * other;
   }
-  turned += spread_rest(differences) * own;
-  return {0.5f * sum_of_columns(turned), positions_of(differences)};
+  return residual_of(own, differences) + 0.5f * sum_of_columns(spread_rest(differences) * own);
 }
 
-/// Calls body with the three axes as constants, which places in a record must be.
-template <typename Body>
-void with_axes(const LatticeAxes& axes, const Body& body) {
-  const auto call = [&](auto along, auto between) {
-    body(along, between, std::integral_constant<int, 3 - along - between>{});
-  };
-  const auto with_along = [&](auto along) {
-    constexpr int one = (along + 1) % 3, two = (along + 2) % 3;
-    if (axes.between == one)
-      call(along, std::integral_constant<int, one>{});
-    else
-      call(along, std::integral_constant<int, two>{});
-  };
-  if (axes.along == 0) return with_along(std::integral_constant<int, 0>{});
-  if (axes.along == 1) return with_along(std::integral_constant<int, 1>{});
-  with_along(std::integral_constant<int, 2>{});
-}
-
-/// Calls visit(slot, sums) for slots of a run. Its edges come in opposite pairs and along the lattice, so
-/// that a node's own rotation drops out, a neighbor's columns are added up with nothing but signs, and what
-/// two slots that follow each other have in common is summed once.
-template <int kAlong, int kBetween, int kAcross, typename Visit>
-inline void sum_rows_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end,
-                            const Visit& visit) {
+/// Calls visit(slot, residual) for slots of a run. What two slots that follow each other have in common is
+/// summed once.
+template <typename Visit>
+inline void residuals_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end,
+                             const Visit& visit) {
   const auto [s0, s1, s2, s3] = run.singles;
   const auto [p0, p1, p2, p3] = run.pairs;
-  const float half_spacing = nodes.axes.half_spacing;
   const NodeRecord* const records = nodes.records.data();
   const auto at = [&](int slot) { return loaded<Vector16>(records[slot].column[0].data()); };
-  /// Four nodes of the lines between.
-  struct Four {
-    Vector16 all;
-    Vector4 turned;
+  const auto four = [&](int slot) {
+    return (at(slot + p0) + at(slot + p1)) + (at(slot + p2) + at(slot + p3));
   };
-  const auto four = [&](int slot) -> Four {
-    const Vector16 a = at(slot + p0), b = at(slot + p1), c = at(slot + p2), d = at(slot + p3);
-    const Vector16 below = a + b, above = c + d;
-    return {below + above, (quarter<kAcross>(below) - quarter<kAcross>(above)) +
-                               ((quarter<kBetween>(a) - quarter<kBetween>(b)) +
-                                (quarter<kBetween>(c) - quarter<kBetween>(d)))};
-  };
-  Four shared = four(first);
-  Vector16 before = at(first - 1), own = at(first);
+  Vector16 shared = four(first), before = at(first - 1), own = at(first);
   for (int slot = first; slot < end; ++slot) {
-    const Four next = four(slot + 1);
-    const Vector16 behind = at(slot + 1);
-    const Vector16 a = at(slot + s0), b = at(slot + s1), c = at(slot + s2), d = at(slot + s3);
-    const Vector16 own_twice = own + own, own_four_times = own_twice + own_twice;
+    const Vector16 next = four(slot + 1), behind = at(slot + 1);
+    const Vector16 twice = own + own, four_times = twice + twice;
     const Vector16 differences =
-        ((own_four_times - shared.all) + (own_four_times - next.all)) +
-        (((own_twice - (a + d)) + (own_twice - (b + c))) + (own_twice - (before + behind)));
-    const Vector4 turned_singly =
-        (quarter<kAcross>(a) - quarter<kAcross>(d)) +
-        ((quarter<kBetween>(b) - quarter<kBetween>(c)) + (quarter<kAlong>(before) - quarter<kAlong>(behind)));
-    const Vector4 turned_in_pairs =
-        (shared.turned + next.turned) + (quarter<kAlong>(shared.all) - quarter<kAlong>(next.all));
-    const Vector4 wanted = half_spacing * (turned_singly + 0.5f * turned_in_pairs);
-    visit(slot, RowSums{zero_behind_three(wanted), positions_of(differences)});
+        ((four_times - shared) + (four_times - next)) +
+        (((twice - (at(slot + s0) + at(slot + s3))) + (twice - (at(slot + s1) + at(slot + s2)))) +
+         (twice - (before + behind)));
+    visit(slot, residual_of(own, differences));
     shared = next;
     before = own;
     own = behind;
   }
 }
 
-/// Calls visit(slot, sums) for free slots [first, end).
+/// Calls visit(slot, residual) for free slots [first, end).
 template <typename Visit>
-void for_each_row_sums(const FrameNodes& nodes, int first, int end, const Visit& visit) {
+void for_each_residual(const FrameNodes& nodes, int first, int end, const Visit& visit) {
   ascend_parts(
       nodes.runs, first, end,
       [&](int begin, int stop, int) {
         if (nodes.weights.empty()) {
-          for (int slot = begin; slot < stop; ++slot) visit(slot, row_sums<true>(nodes, slot));
+          for (int slot = begin; slot < stop; ++slot) visit(slot, residual_row<true>(nodes, slot));
         } else {
-          for (int slot = begin; slot < stop; ++slot) visit(slot, row_sums<false>(nodes, slot));
+          for (int slot = begin; slot < stop; ++slot) visit(slot, residual_row<false>(nodes, slot));
         }
       },
-      [&](const LatticeRun& run, int begin, int stop) {
-        with_axes(nodes.axes, [&](auto along, auto between, auto across) {
-          sum_rows_in_run<along, between, across>(nodes, run, begin, stop, visit);
-        });
-      });
+      [&](const LatticeRun& run, int begin, int stop) { residuals_in_run(nodes, run, begin, stop, visit); });
 }
 
 /// The columns of sum_j w e' e^T of one node, each with a number more.
@@ -229,7 +182,26 @@ inline EdgeSum sum_row_edges(const FrameNodes& nodes, int slot) {
   return {{quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)}};
 }
 
-/// The same for slots of a run, as in sum_rows_in_run.
+/// Calls body with the three axes as constants, which places in a record must be.
+template <typename Body>
+void with_axes(const LatticeAxes& axes, const Body& body) {
+  const auto call = [&](auto along, auto between) {
+    body(along, between, std::integral_constant<int, 3 - along - between>{});
+  };
+  const auto with_along = [&](auto along) {
+    constexpr int one = (along + 1) % 3, two = (along + 2) % 3;
+    if (axes.between == one)
+      call(along, std::integral_constant<int, one>{});
+    else
+      call(along, std::integral_constant<int, two>{});
+  };
+  if (axes.along == 0) return with_along(std::integral_constant<int, 0>{});
+  if (axes.along == 1) return with_along(std::integral_constant<int, 1>{});
+  with_along(std::integral_constant<int, 2>{});
+}
+
+/// The same for slots of a run. Its edges come in opposite pairs and along the lattice, so that neighbors are
+/// added up with nothing but signs.
 template <int kAlong, int kBetween, int kAcross>
 void sum_edges_in_run(const FrameNodes& nodes, const LatticeRun& run, int first, int end, EdgeSum* sums) {
   const auto [s0, s1, s2, s3] = run.singles;
@@ -411,20 +383,20 @@ void FrameNodes::forget_lists_in_runs() {
 }
 
 void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {
-  for_each_row_sums(nodes, first, end, [&](int slot, const RowSums& sums) {
-    store(sums.wanted - sums.found, residual[slot].data());
-  });
+  for_each_residual(nodes, first, end,
+                    [&](int slot, const Vector4& row) { store(row, residual[slot].data()); });
 }
 
 SystemSize measure_rows(const FrameNodes& nodes, int first, int end) {
+  const auto now = [&](int slot) -> Eigen::Vector4d { return nodes.places[slot].now.cast<double>(); };
   SystemSize size;
-  for_each_row_sums(nodes, first, end, [&](int slot, const RowSums& sums) {
-    size.residual += as_eigen(sums.wanted - sums.found).cast<double>().squaredNorm();
-    Eigen::Vector4d b = as_eigen(sums.wanted).cast<double>();
+  for_each_residual(nodes, first, end, [&](int slot, const Vector4& row) {
+    // The residual and what stands on the left side.
+    Eigen::Vector4d b = as_eigen(row).cast<double>();
+    size.residual += b.squaredNorm();
     nodes.for_each_neighbor(slot, [&](int neighbor, float weight) {
-      if (neighbor < nodes.free_count) return;
-      b += static_cast<double>(weight) *
-           as_eigen(positions_of(as_vector(nodes.records[neighbor]))).cast<double>();
+      b +=
+          static_cast<double>(weight) * (neighbor < nodes.free_count ? now(slot) - now(neighbor) : now(slot));
     });
     size.right_hand_side += b.squaredNorm();
   });

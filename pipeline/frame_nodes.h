@@ -10,10 +10,10 @@
 /// Internal to pipeline/: the graph as a frame walks it, and the two passes over its edges.
 namespace sinew {
 
-/// What an edge needs of a node for the right-hand side and the residual: one cache line.
+/// What an edge needs of a node for the residual: one cache line.
 struct alignas(64) NodeRecord {
-  /// Columns of scale times rotation; the fourth number of column k is coordinate k of the node's position
-  /// now.
+  /// Columns of M, scale times rotation; the fourth number of column k is coordinate k of 1/2 M x0 - x, from
+  /// the rest position and the position now.
   Eigen::Vector4f column[3];
   Eigen::Vector4f rest;  ///< rest position, then 0
 };
@@ -36,13 +36,16 @@ struct LatticeAxes {
 /// Nodes renumbered into slots: the free ones in the solver's order, then the constrained ones.
 ///
 /// Positions are shares of the rest box's diagonal: at rest from the box's middle, now from the pose's first
-/// joint. Edges are handled in single precision as differences of such positions: both ends of an edge see
-/// the same difference, so rounding bends the rest shape by 6e-8 of the diagonal and no more.
+/// joint. Edges are handled in single precision as differences of what their ends keep: both ends of an edge
+/// see the same difference, so rounding bends the rest shape by 6e-8 of the diagonal and no more.
 struct FrameNodes {
   explicit FrameNodes(const Rig& rig);
 
   void set_position(int slot, const Eigen::Vector4f& now) {
-    for (int axis = 0; axis < 3; ++axis) records[slot].column[axis][3] = now[axis];
+    NodeRecord& record = records[slot];
+    Eigen::Vector4f half_turned = Eigen::Vector4f::Zero();
+    for (int axis = 0; axis < 3; ++axis) half_turned += 0.5f * record.rest[axis] * record.column[axis];
+    for (int axis = 0; axis < 3; ++axis) record.column[axis][3] = half_turned[axis] - now[axis];
   }
 
   /// Calls body(neighbor, weight) for the neighbors of a free slot.
@@ -84,8 +87,12 @@ struct FrameNodes {
 ///
 ///     residual_i = sum_j w(i,j) [1/2 (s_i R_i + s_j R_j) (x0_i - x0_j) - (x_i - x_j)]
 ///
-/// [Shi et al. 2006, eq. 11] with everything on one side: differences first, so that rounding is measured in
-/// edge lengths, not in the size of the body.
+/// [Shi et al. 2006, eq. 11] with everything on one side. With M = s R and (L f)_i = sum_j w(i,j) (f_i - f_j)
+/// the edges are those of a product rule,
+///
+///     residual = L(1/2 M x0 - x) - 1/2 (L M) x0 + 1/2 M (L x0),
+///
+/// so that an edge costs the difference of two records and nothing else. Inside a lattice L x0 = 0.
 void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual);
 
 /// Sums of squares over free slots.

@@ -177,7 +177,7 @@ void FrameSolver::Members::write_rotations(const FitBatch& batch, int first) {
   }
 }
 
-/// The columns of the batch's rotations, times the scales, and the starts of the solve to come into the
+/// The columns of the batch's rotations, times the scales, and the starts of the solve to come, into the
 /// records.
 template <int kCount, typename Scale, typename StartAt>
 void FrameSolver::Members::write_records(const FitBatch& batch, int first, const Scale& scale,
@@ -190,13 +190,19 @@ void FrameSolver::Members::write_records(const FitBatch& batch, int first, const
   }
   for (int lane = 0; lane < kCount; lane += 4) {
     const int slots = std::min(4, kCount - lane);
-    Vector4 start[4] = {};
-    for (int k = 0; k < slots; ++k) start[k] = loaded<Vector4>(start_at(first + lane + k).data());
+    Vector4 start[4] = {}, rest[4] = {};
+    for (int k = 0; k < slots; ++k) {
+      start[k] = loaded<Vector4>(start_at(first + lane + k).data());
+      rest[k] = loaded<Vector4>(nodes.records[first + lane + k].rest.data());
+    }
     transpose(start[0], start[1], start[2], start[3]);
+    transpose(rest[0], rest[1], rest[2], rest[3]);
+    const auto entry = [&](int row, int column) {
+      return loaded<Vector4>(&matrices[3 * row + column][lane]);
+    };
     for (int axis = 0; axis < 3; ++axis) {
-      Vector4 columns[4] = {loaded<Vector4>(&matrices[axis][lane]),
-                            loaded<Vector4>(&matrices[3 + axis][lane]),
-                            loaded<Vector4>(&matrices[6 + axis][lane]), start[axis]};
+      const Vector4 turned = entry(axis, 0) * rest[0] + entry(axis, 1) * rest[1] + entry(axis, 2) * rest[2];
+      Vector4 columns[4] = {entry(0, axis), entry(1, axis), entry(2, axis), 0.5f * turned - start[axis]};
       transpose(columns[0], columns[1], columns[2], columns[3]);
       for (int k = 0; k < slots; ++k) store(columns[k], nodes.records[first + lane + k].column[axis].data());
     }

@@ -26,9 +26,9 @@ enum class Start {
 /// form on it is allowed and stands between the two.
 struct FrameOptions {
   Deform deform = Deform::refined;
-  /// Estimated largest error of any node, as a share of the rest box's diagonal. What a refined frame's earlier
-  /// solves leave counts by what of it reaches the answer. Positions are kept in single precision: what lies
-  /// below 1e-6 is not asked for.
+  /// Estimated largest error of any node, as a share of the rest box's diagonal. What a refined frame's
+  /// earlier solves leave counts by what of it reaches the answer. Positions are kept in single precision:
+  /// what lies below 1e-6 is not asked for.
   double tolerance = 1e-4;
   int max_cycles = 20;  ///< per solve; stopping here is an outcome (FrameReport::converged), not an exception
   Start start = Start::automatic;

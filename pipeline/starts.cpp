@@ -120,7 +120,8 @@ Starts::Mixture Starts::fitted_mixture() const {
     along += steps.transpose() * (at(-1) - at(0));
   }
   // Answers are wrong by up to the tolerance: where hardly anything moved, large multiples would be of that.
-  square.diagonal().array() += static_cast<double>(sampled_slots_.size()) * options_.tolerance * options_.tolerance;
+  square.diagonal().array() +=
+      static_cast<double>(sampled_slots_.size()) * options_.tolerance * options_.tolerance;
   const Eigen::Vector2f steps = (square.inverse() * along).cast<float>();
   return {kFrames, {1.0f + steps[0], steps[1] - steps[0], -steps[1]}};
 }

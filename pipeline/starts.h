@@ -16,8 +16,8 @@ namespace sinew {
 int solve_count(const FrameOptions& options);
 
 /// Error that a frame's solve, numbered from 0, may leave, for one of 1 in the frame's answer. Fits of
-/// rotations pass on less than half of it each: measured over clips of fast motion, from an estimate before the
-/// last fit at most .41 arrived, and no more than that from before the last two.
+/// rotations pass on less than half of it each: measured over clips of fast motion, from an estimate before
+/// the last fit at most .41 arrived, and no more than that from before the last two.
 double error_allowed(const FrameOptions& options, int solve);
 
 /// The starts of a frame's solves, foretold in time.

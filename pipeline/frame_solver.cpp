@@ -28,6 +28,9 @@ static_assert(kBlock % kFitLanes == 0 && kBlock % Subspace::kBlock == 0);
 /// Below this, rounding of positions in single precision is what is left.
 constexpr double kLeastTolerance = 1e-6;
 
+/// Up to this many tolerances, what a cycle is estimated to have left is taken away by a light one.
+constexpr double kLightBelow = 2.0;
+
 /// A correction whose rounding takes more of the tolerance is followed by one of a new residual.
 constexpr double kRoundingShare = 0.1;
 
@@ -358,9 +361,11 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
   CorrectionReport step;
   int cycles = 0;
   bool first = true;
-  const auto count = [&] {
+  const auto count = [&](Reach reach) {
     cycles += std::max(step.cycles, 1);
     report.cycles += step.cycles;
+    if (reach == Reach::far) report.full_cycles += step.cycles;
+    if (reach == Reach::light) report.light_cycles += step.cycles;
   };
   const auto wanting = [&] { return !(step.error_left <= tolerance) && cycles < options.max_cycles; };
   do {
@@ -374,12 +379,11 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
     timed(FrameStage::solve, report, [&] {
       const Reach reach = first ? starts.reach() : Reach::near;
       step = rig.solver->correct(reach, *workspace);
-      if (reach == Reach::far) report.full_cycles += step.cycles;
-      if (reach == Reach::light) report.light_cycles += step.cycles;
-      count();
+      count(reach);
       while (wanting() && step.rounding <= kRoundingShare * tolerance) {
-        step = rig.solver->correct_further(*workspace);
-        count();
+        const Reach further = step.error_left <= kLightBelow * tolerance ? Reach::light : Reach::near;
+        step = rig.solver->correct_further(further, *workspace);
+        count(further);
       }
       advance(first);
     });

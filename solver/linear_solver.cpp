@@ -58,7 +58,7 @@ CorrectionReport LinearSolver::correct(Reach, CorrectionWorkspace& workspace) co
       {.tolerance = kCorrectionTolerance, .max_cycles = kMostCorrectionCycles, .from_zero = true});
 }
 
-CorrectionReport LinearSolver::correct_further(CorrectionWorkspace& workspace) const {
+CorrectionReport LinearSolver::correct_further(Reach, CorrectionWorkspace& workspace) const {
   return solved_correction_of(*this, workspace)
       .solve_to({.tolerance = kFurtherTolerance, .max_cycles = kMostCorrectionCycles});
 }

@@ -93,9 +93,10 @@ class LinearSolver {
   virtual CorrectionReport correct(Reach reach, CorrectionWorkspace& workspace) const;
 
   /// Where that left too much: the workspace's correction for the same residual once more, now from itself.
-  /// Multigrid adds a V-cycle, solvers without cycles go on to 1e-10. Cheaper than another residual and another
-  /// correct(), but CorrectionReport::rounding stays. Otherwise as correct().
-  virtual CorrectionReport correct_further(CorrectionWorkspace& workspace) const;
+  /// Multigrid adds a V-cycle, with half the smoothing for Reach::light; solvers without cycles go on to 1e-10.
+  /// Cheaper than another residual and another correct(), but CorrectionReport::rounding stays. Otherwise as
+  /// correct().
+  virtual CorrectionReport correct_further(Reach reach, CorrectionWorkspace& workspace) const;
 
   virtual std::string name() const = 0;
   virtual int size() const = 0;           ///< n

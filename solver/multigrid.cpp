@@ -22,11 +22,13 @@ constexpr int kRowsPerBlock = 4096;
 constexpr int kSums = 3;
 
 // Largest errors left, in terms of what the finest level's last treatment moved. Measured over clips of fast
-// motion: up to 0.9 after full multigrid, 0.36 after a V-cycle, and mostly a fifth of that. Where the last
-// cycles were light, errors were at most 1.01 of what 0.5 says.
+// motion: up to 0.9 after full multigrid, 0.36 after a V-cycle, and mostly a fifth of that. Where the first
+// cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves little
+// and leaves as much: 0.94 were seen.
 constexpr double kErrorLeftFar = 0.6;
 constexpr double kErrorLeftNear = 0.3;
 constexpr double kErrorLeftLight = 0.5;
+constexpr double kErrorLeftFurtherLight = 1.0;
 
 // What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.
 constexpr double kSinglePrecision = 1e-5;
@@ -231,16 +233,17 @@ class GroupSolve {
     cycle_.right_hand_side()[i] = converted<float, kWidth>(value);
   }
 
-  // Sum of v_i - v_j over the neighbors j of a row outside runs.
+  // Sum of v_i - v_j over the neighbors j of a row outside runs. `long_row`: the next one among the long
+  // rows.
   template <typename Row, typename At>
-  Double differences(int i, const Row& row, const Double& own, const At& at) const {
+  Double differences(int i, const Row& row, int& long_row, const Double& own, const At& at) const {
     const ShortRows& rows = structure_.short_rows;
     Double sum{};
     for (int k = 0; k < kShortRow; ++k) sum += own - at(i + row.step(k));
-    if (!is_long(row, structure_.offsets[i + 1] - structure_.offsets[i])) return sum;
-    const int long_row = rows.first_long_from(i);
+    if (long_row == static_cast<int>(rows.long_rows.size()) || rows.long_rows[long_row] != i) return sum;
     for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k)
       sum += own - at(rows.rest[k]);
+    ++long_row;
     return sum;
   }
   // The same along the list of neighbors, weighted.
@@ -272,13 +275,14 @@ class GroupSolve {
       }
       return;
     }
+    int long_row = rows.first_long_from(begin);
     ascend_parts(
         rows.runs, begin, end,
         [&](int first, int last, int before) {
           for (int i = first; i < last; ++i) {
             const Double own = at(i);
-            const Double sum = rows.far.empty() ? differences(i, rows.near[i - before], own, at)
-                                                : differences(i, rows.far[i - before], own, at);
+            const Double sum = rows.far.empty() ? differences(i, rows.near[i - before], long_row, own, at)
+                                                : differences(i, rows.far[i - before], long_row, own, at);
             finish(i, own, weight * sum);
           }
         },
@@ -583,14 +587,15 @@ CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& work
   return {1, kErrorLeftFar * std::sqrt(longest.step) + kSinglePrecision * row, kSingleRounding * row};
 }
 
-CorrectionReport MultigridSolver::correct_further(CorrectionWorkspace& workspace) const {
+CorrectionReport MultigridSolver::correct_further(Reach reach, CorrectionWorkspace& workspace) const {
   CorrectionCycle& own = members_->checked_correction(workspace);
-  Cycle<4> cycle = members_->correction_cycle(Reach::near, own);
+  Cycle<4> cycle = members_->correction_cycle(reach, own);
   const Eigen::Vector4f* const before = keep(members_->team, own);
   cycle.further_v_cycle();
   const Longest longest = longest_rows(members_->team, own, before);
   const double rounding = kSingleRounding * std::sqrt(longest.row);
-  return {1, kErrorLeftNear * std::sqrt(longest.step) + rounding, rounding};
+  const double left = reach == Reach::light ? kErrorLeftFurtherLight : kErrorLeftNear;
+  return {1, left * std::sqrt(longest.step) + rounding, rounding};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

@@ -31,7 +31,7 @@ class MultigridSolver : public LinearSolver {
                     SolverWorkspace& workspace) const override;
   std::unique_ptr<CorrectionWorkspace> make_correction_workspace() const override;
   CorrectionReport correct(Reach reach, CorrectionWorkspace& workspace) const override;
-  CorrectionReport correct_further(CorrectionWorkspace& workspace) const override;
+  CorrectionReport correct_further(Reach reach, CorrectionWorkspace& workspace) const override;
   /// What one correct() of that reach takes.
   CycleCost correction_cost(Reach reach) const;
 

@@ -58,9 +58,15 @@ inline typename Lanes<kWidth>::Float short_row_sum(const ShortRow<Step>& row,
 template <int kWidth>
 inline typename Lanes<kWidth>::Float rest_sum(const ShortRows& rows, int long_row,
                                               const typename Lanes<kWidth>::Float* x) {
-  typename Lanes<kWidth>::Float sum{};
-  for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; ++k) sum += x[rows.rest[k]];
-  return sum;
+  typename Lanes<kWidth>::Float s0{}, s1{}, s2{}, s3{};
+  const int* const rest = rows.rest.data();
+  for (int k = rows.rest_offsets[long_row]; k < rows.rest_offsets[long_row + 1]; k += kRestGroup) {
+    s0 += x[rest[k]];
+    s1 += x[rest[k + 1]];
+    s2 += x[rest[k + 2]];
+    s3 += x[rest[k + 3]];
+  }
+  return (s0 + s1) + (s2 + s3);
 }
 
 // Rows [begin, end) outside runs, with `before` rows of runs before them.

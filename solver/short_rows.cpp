@@ -21,6 +21,12 @@ bool fits(int step) {
   return std::abs(step) <= std::numeric_limits<Step>::max() / 2;
 }
 
+/// Whether a row with so many neighbors has some that its short row does not hold.
+template <typename Step>
+bool is_long(const ShortRow<Step>& row, int neighbors) {
+  return neighbors > kShortRow + static_cast<int>(row.own);
+}
+
 /// The neighbors of row i that its short row holds go to `row`, the others to `left(neighbor)`.
 template <typename Step, typename Left>
 void split_row(int i, std::span<const int> neighbors, ShortRow<Step>& row, const Left& left) {
@@ -72,6 +78,7 @@ void fill(std::span<const int> offsets, std::span<const int> neighbors, ThreadTe
     if (!is_long(rows[place], offsets[i + 1] - offsets[i])) return;
     ShortRow<Step> row;
     split_row<Step>(i, neighbors_of(i), row, [&](int neighbor) { result.rest.push_back(neighbor); });
+    for (; result.rest.size() % kRestGroup != 0; --rows[place].own) result.rest.push_back(i);
     result.long_rows.push_back(i);
     result.rest_offsets.push_back(static_cast<int>(result.rest.size()));
   });

@@ -16,6 +16,9 @@ namespace sinew {
 /// Neighbors that a row holds itself.
 constexpr int kShortRow = kLatticeNeighbors;
 
+/// The other neighbors of a long row are summed so many at a time.
+constexpr int kRestGroup = 4;
+
 /// Steps that have places of their own: to the nearest row before and to the nearest one after. A sweep that
 /// has just come from there adds it last, so that it has to wait for one addition rather than for all.
 constexpr int kBefore = 0;
@@ -29,7 +32,7 @@ struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow
   /// Steps times two: an address takes a number times eight at most, and three coordinates and a pad are
   /// sixteen bytes.
   Step doubled[kShortRow];
-  float own;  ///< minus the number of unused steps
+  float own;  ///< minus the number of unused steps, and of what fills up a group of the rest
 
   int step(int k) const { return doubled[k] / 2; }
   void set_step(int k, int step) { doubled[k] = static_cast<Step>(2 * step); }
@@ -42,12 +45,6 @@ struct alignas(kShortRow * sizeof(Step) + sizeof(float) > 32 ? 64 : 32) ShortRow
   }
 };
 
-/// Whether a row with so many neighbors has some that its short row does not hold.
-template <typename Step>
-bool is_long(const ShortRow<Step>& row, int neighbors) {
-  return neighbors > kShortRow + static_cast<int>(row.own);
-}
-
 /// All rows of a graph. Inside a lattice hardly anything is stored; elsewhere half the bytes of a list of
 /// neighbors, read in strides that are known ahead.
 struct ShortRows {
@@ -58,7 +55,7 @@ struct ShortRows {
   LargeVector<ShortRow<std::int32_t>> far;
   LargeVector<int> long_rows;     ///< ascending: the rows whose short row does not hold all neighbors
   LargeVector<int> rest_offsets;  ///< by long row and one more, into rest
-  LargeVector<int> rest;          ///< their other neighbors
+  LargeVector<int> rest;  ///< their other neighbors, and the row itself up to a multiple of kRestGroup
 
   bool empty() const { return runs.empty() && near.empty() && far.empty(); }
   std::size_t bytes() const;

@@ -84,7 +84,7 @@ TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_pr
     double left = solver->correct(Reach::near, *workspace).error_left;
     EXPECT_LT(error(), 2 * left) << solver->name();
     for (int cycle = 0; cycle < 12; ++cycle) {
-      left = solver->correct_further(*workspace).error_left;
+      left = solver->correct_further(Reach::near, *workspace).error_left;
       EXPECT_LT(error(), 2 * left) << solver->name() << ", cycle " << cycle;
     }
     EXPECT_LT(error(), single_precision * largest(wanted)) << solver->name();
@@ -113,7 +113,7 @@ TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
     const long before = allocation_count();
     solver.correct(Reach::far, *workspace);
     solver.correct(Reach::near, *workspace);
-    solver.correct_further(*workspace);
+    solver.correct_further(Reach::near, *workspace);
     EXPECT_EQ(allocation_count(), before);
     answers[threads - 1].assign(workspace->correction.begin(), workspace->correction.end());
   }
@@ -129,7 +129,7 @@ TEST(Correction, a_workspace_of_another_solver_is_refused) {
             "MultigridSolver::correct: the workspace was made by another solver");
   EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, *solvers[2]->make_correction_workspace()); }),
             "cholesky::correct: the workspace was made by another solver");
-  EXPECT_EQ(refusal([&] { solvers[0]->correct_further(*solvers[1]->make_correction_workspace()); }),
+  EXPECT_EQ(refusal([&] { solvers[0]->correct_further(Reach::near, *solvers[1]->make_correction_workspace()); }),
             "MultigridSolver::correct: the workspace was made by another solver");
 }
 

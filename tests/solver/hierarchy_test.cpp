@@ -102,8 +102,9 @@ std::vector<int> neighbors_of(const LevelMatrix& matrix, int i) {
   std::sort(result.begin(), result.end());
   const int long_row = rows.first_long_from(i);
   if (long_row < static_cast<int>(rows.long_rows.size()) && rows.long_rows[long_row] == i)
-    result.insert(result.end(), rows.rest.begin() + rows.rest_offsets[long_row],
-                  rows.rest.begin() + rows.rest_offsets[long_row + 1]);
+    std::copy_if(rows.rest.begin() + rows.rest_offsets[long_row],
+                 rows.rest.begin() + rows.rest_offsets[long_row + 1], std::back_inserter(result),
+                 [i](int neighbor) { return neighbor != i; });
   return result;
 }
 
@@ -138,15 +139,15 @@ TEST(ShortRows, keep_long_rows_and_steps_that_do_not_fit) {
   const ShortRows rows = short_rows(offsets, neighbors, diagonal, team);
   EXPECT_TRUE(rows.far.empty());
   EXPECT_EQ(rows.near[0].step(kAfter), 1);
-  EXPECT_EQ(rows.near[0].own, 0);
+  EXPECT_EQ(rows.near[0].own, -2) << "two groups hold six neighbors";
   EXPECT_EQ(rows.near[19].step(kBefore), -19);
   EXPECT_EQ(rows.near[19].step(kAfter), 0);
   EXPECT_EQ(rows.near[19].own, -13);
   EXPECT_EQ(rows.near[100].own, -14);
-  EXPECT_EQ(rows.near[40000].own, -14) << "its only neighbor is too far";
+  EXPECT_EQ(rows.near[40000].own, -14 - 3) << "its only neighbor is too far";
   EXPECT_EQ(rows.long_rows, (LargeVector<int>{0, 40000}));
-  EXPECT_EQ(rows.rest_offsets, (LargeVector<int>{0, 6, 7}));
-  EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000, 0}));
+  EXPECT_EQ(rows.rest_offsets, (LargeVector<int>{0, 8, 12}));
+  EXPECT_EQ(rows.rest, (LargeVector<int>{15, 16, 17, 18, 19, 40000, 0, 0, 0, 40000, 40000, 40000}));
 }
 
 TEST(ShortRows, hold_steps_up_to_half_of_what_their_numbers_hold) {

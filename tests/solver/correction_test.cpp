@@ -132,8 +132,9 @@ TEST(Correction, a_workspace_of_another_solver_is_refused) {
             "MultigridSolver::correct: the workspace was made by another solver");
   EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, *solvers[2]->make_correction_workspace()); }),
             "cholesky::correct: the workspace was made by another solver");
-  EXPECT_EQ(refusal([&] { solvers[0]->correct_further(Reach::near, *solvers[1]->make_correction_workspace()); }),
-            "MultigridSolver::correct: the workspace was made by another solver");
+  EXPECT_EQ(
+      refusal([&] { solvers[0]->correct_further(Reach::near, *solvers[1]->make_correction_workspace()); }),
+      "MultigridSolver::correct: the workspace was made by another solver");
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ static_assert(kBlock % kFitLanes == 0 && kBlock % Subspace::kBlock == 0);
 constexpr double kLeastTolerance = 1e-6;
 
 /// Up to this many tolerances, what a cycle is estimated to have left is taken away by a light one.
-constexpr double kLightBelow = 2.0;
+constexpr double kFurtherLightBelow = 2.0;
 
 /// A correction whose rounding takes more of the tolerance is followed by one of a new residual.
 constexpr double kRoundingShare = 0.1;
@@ -381,7 +381,7 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
       step = rig.solver->correct(reach, *workspace);
       count(reach);
       while (wanting() && step.rounding <= kRoundingShare * tolerance) {
-        const Reach further = step.error_left <= kLightBelow * tolerance ? Reach::light : Reach::near;
+        const Reach further = step.error_left <= kFurtherLightBelow * tolerance ? Reach::light : Reach::near;
         step = rig.solver->correct_further(further, *workspace);
         count(further);
       }

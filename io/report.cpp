@@ -171,6 +171,7 @@ Json frame_json(const FrameRecord& frame) {
           {"solves", frame.report.solves},
           {"cycles", frame.report.cycles},
           {"full_cycles", frame.report.full_cycles},
+          {"whole_cycles", frame.report.whole_cycles},
           {"light_cycles", frame.report.light_cycles},
           {"error", frame.report.solves > 0 ? Json(frame.report.error) : Json(nullptr)},
           {"residual", frame.report.residual},

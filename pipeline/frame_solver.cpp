@@ -361,11 +361,12 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
   CorrectionReport step;
   int cycles = 0;
   bool first = true;
-  const auto count = [&](Reach reach) {
+  const auto count = [&] {
     cycles += std::max(step.cycles, 1);
     report.cycles += step.cycles;
-    if (reach == Reach::far) report.full_cycles += step.cycles;
-    if (reach == Reach::light) report.light_cycles += step.cycles;
+    if (step.reach == Reach::far || step.reach == Reach::whole) report.full_cycles += step.cycles;
+    if (step.reach == Reach::whole) report.whole_cycles += step.cycles;
+    if (step.reach == Reach::light) report.light_cycles += step.cycles;
   };
   const auto wanting = [&] { return !(step.error_left <= tolerance) && cycles < options.max_cycles; };
   do {
@@ -377,13 +378,12 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
       if (first) starts.improve(workspace->residual);
     });
     timed(FrameStage::solve, report, [&] {
-      const Reach reach = first ? starts.reach() : Reach::near;
-      step = rig.solver->correct(reach, *workspace);
-      count(reach);
+      step = rig.solver->correct(first ? starts.reach() : Reach::near, tolerance, *workspace);
+      count();
       while (wanting() && step.rounding <= kRoundingShare * tolerance) {
         const Reach further = step.error_left <= kFurtherLightBelow * tolerance ? Reach::light : Reach::near;
         step = rig.solver->correct_further(further, *workspace);
-        count(further);
+        count();
       }
       advance(first);
     });

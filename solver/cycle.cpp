@@ -169,23 +169,42 @@ void Cycle<kWidth>::descend() {
 template <int kWidth>
 void Cycle<kWidth>::finish() {
   if (last_level() == 0) return;
-  if (!finished_by_smoothing(hierarchy_, 0)) return improve(0);
+  if (!finishes_by_smoothing()) return improve(0);
+  begin_finish();
+  finish_by_smoothing();
+}
+
+template <int kWidth>
+void Cycle<kWidth>::begin_finish() {
   smooth_forward(0, kFinishingSweeps);
   solve_patches(0);
+}
+
+template <int kWidth>
+void Cycle<kWidth>::finish_by_smoothing() {
   smooth_backward(0, kFinishingSweeps);
+}
+
+template <int kWidth>
+void Cycle<kWidth>::finish_by_v_cycle() {
+  improve_smoothed(0);
 }
 
 template <int kWidth>
 void Cycle<kWidth>::improve(int level) {
   smooth_forward(level, sweeps_on_level(hierarchy_, level, sweeps_));
   solve_patches(level);
+  improve_smoothed(level);
+}
+
+template <int kWidth>
+void Cycle<kWidth>::improve_smoothed(int level) {
   restrict_residual(level);
   if (level + 1 == last_level())
     solve_last_level();
   else
     improve(level + 1);
   correct(level);
-  solve_patches(level);
   smooth_backward(level, sweeps_on_level(hierarchy_, level, sweeps_));
 }
 

@@ -102,12 +102,12 @@ class Counter {
     return last() == 0 ? last_level() : clear(hierarchy_.matrices[0]) + improve(0);
   }
 
-  CycleCost full_cycle() const {
+  CycleCost full_cycle(Reach reach) const {
     CycleCost cost = last_level();
     for (int level = 0; level < last(); ++level) {
       const Transfer& transfer = hierarchy_.transfers[level];
       cost = cost + restrict_values(transfer) + interpolate_values(transfer, 1);
-      cost = cost + (finished_by_smoothing(hierarchy_, level)
+      cost = cost + (reach == Reach::far && finished_by_smoothing(hierarchy_, level)
                          ? 2 * kFinishingSweeps * matrix_pass(hierarchy_.matrices[level]) +
                                solve_patches(hierarchy_.patches)
                          : improve(level));
@@ -121,7 +121,7 @@ class Counter {
   CycleCost improve(int level) const {
     const Transfer& transfer = hierarchy_.transfers[level];
     const std::int64_t passes = 2 * sweeps_on_level(hierarchy_, level, sweeps_) + 1;
-    const CycleCost patches = level == 0 ? 2 * solve_patches(hierarchy_.patches) : CycleCost{};
+    const CycleCost patches = level == 0 ? solve_patches(hierarchy_.patches) : CycleCost{};
     return patches + passes * matrix_pass(hierarchy_.matrices[level]) + restrict_values(transfer) +
            clear(hierarchy_.matrices[level + 1]) + interpolate_values(transfer, 2) +
            (level + 1 == last() ? last_level() : improve(level + 1));
@@ -144,7 +144,7 @@ class Counter {
 
 CycleCost cycle_cost(const Hierarchy::Members& hierarchy, int sweeps, Reach reach) {
   const Counter counter(hierarchy, sweeps);
-  return reach == Reach::far ? counter.full_cycle() : counter.v_cycle();
+  return reach == Reach::near || reach == Reach::light ? counter.v_cycle() : counter.full_cycle(reach);
 }
 
 }  // namespace sinew

@@ -21,12 +21,12 @@ struct SolvedCorrection : CorrectionWorkspace {
   std::unique_ptr<SolverWorkspace> workspace;
   Columns b, x;
 
-  CorrectionReport solve_to(const SolveOptions& options) {
+  CorrectionReport solve_to(const SolveOptions& options, Reach reach) {
     const SolveReport report = solver->solve(b, x, options, *workspace);
     for (int i = 0; i < solver->size(); ++i)
       correction_rows[i].head<3>() = x.row(i).transpose().cast<float>();
     const double largest = x.rowwise().norm().maxCoeff(), rounding = kRounding * largest;
-    return {report.cycles, kErrorOfResidual * options.tolerance * largest + rounding, rounding};
+    return {report.cycles, reach, kErrorOfResidual * options.tolerance * largest + rounding, rounding};
   }
   std::vector<Eigen::Vector4f> residual_rows, correction_rows;
 };
@@ -51,16 +51,16 @@ std::unique_ptr<CorrectionWorkspace> LinearSolver::make_correction_workspace() c
   return made;
 }
 
-CorrectionReport LinearSolver::correct(Reach, CorrectionWorkspace& workspace) const {
+CorrectionReport LinearSolver::correct(Reach reach, double, CorrectionWorkspace& workspace) const {
   SolvedCorrection& own = solved_correction_of(*this, workspace);
   for (int i = 0; i < size(); ++i) own.b.row(i) = own.residual_rows[i].head<3>().cast<double>().transpose();
   return own.solve_to(
-      {.tolerance = kCorrectionTolerance, .max_cycles = kMostCorrectionCycles, .from_zero = true});
+      {.tolerance = kCorrectionTolerance, .max_cycles = kMostCorrectionCycles, .from_zero = true}, reach);
 }
 
-CorrectionReport LinearSolver::correct_further(Reach, CorrectionWorkspace& workspace) const {
+CorrectionReport LinearSolver::correct_further(Reach reach, CorrectionWorkspace& workspace) const {
   return solved_correction_of(*this, workspace)
-      .solve_to({.tolerance = kFurtherTolerance, .max_cycles = kMostCorrectionCycles});
+      .solve_to({.tolerance = kFurtherTolerance, .max_cycles = kMostCorrectionCycles}, reach);
 }
 
 }  // namespace sinew

@@ -43,7 +43,8 @@ class SolverWorkspace {
 enum class Reach {
   light,  ///< what is wrong lies near by and is small: one V-cycle with half the smoothing
   near,  ///< what is wrong lies near by: one V-cycle
-  far    ///< what is wrong is smooth over the whole body: one cycle of full multigrid
+  far,   ///< what is wrong is smooth over the whole body: full multigrid, the finest level smoothed alone
+  whole  ///< and too large for that: full multigrid with a V-cycle on the finest level as well
 };
 
 /// What a step takes, counted rather than measured: the same on every machine and in every run.
@@ -62,7 +63,8 @@ class CorrectionWorkspace {
 
 /// What a correction was worth.
 struct CorrectionReport {
-  int cycles = 0;         ///< as SolveReport::cycles
+  int cycles = 0;             ///< as SolveReport::cycles
+  Reach reach = Reach::near;  ///< of the cycle: the one asked for, but for correct() of Reach::far
   double error_left = 0;  ///< estimate: the largest error of any node left, in the unit of the correction
   /// What single precision leaves of that: only a correction of the residual at the new place takes it away.
   double rounding = 0;
@@ -87,10 +89,11 @@ class LinearSolver {
 
   /// One step of iterative refinement on three columns: correction ~ A^-1 residual, in single precision. For
   /// callers that know the residual better than `solve` can, as edge by edge differences that never form b.
-  /// Multigrid runs one cycle of the wanted reach; solvers without cycles solve to 1e-6. Allocates nothing; the
-  /// answer does not depend on the number of threads. Throws std::invalid_argument when the workspace was made by
-  /// another solver.
-  virtual CorrectionReport correct(Reach reach, CorrectionWorkspace& workspace) const;
+  /// Multigrid runs one cycle of the wanted reach, and makes Reach::whole of Reach::far where that would leave
+  /// more than `enough`, an error_left; solvers without cycles solve to 1e-6. Allocates nothing; the answer does
+  /// not depend on the number of threads. Throws std::invalid_argument when the workspace was made by another
+  /// solver.
+  virtual CorrectionReport correct(Reach reach, double enough, CorrectionWorkspace& workspace) const;
 
   /// Where that left too much: the workspace's correction for the same residual once more, now from itself.
   /// Multigrid adds a V-cycle, with half the smoothing for Reach::light; solvers without cycles go on to 1e-10.

@@ -21,11 +21,13 @@ constexpr int kRowsPerBlock = 4096;
 /// Numbers a loop over the nodes may sum up.
 constexpr int kSums = 3;
 
-// Largest errors left, in terms of what the finest level's last treatment moved. Measured over clips of fast
-// motion: up to 0.9 after full multigrid, 0.36 after a V-cycle, and mostly a fifth of that. Where the first
-// cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves little
-// and leaves as much: 0.94 were seen.
-constexpr double kErrorLeftFar = 0.6;
+// Largest errors left, in terms of what the finest level's last treatment moved, for full multigrid of what
+// its forward sweeps moved. Measured over clips of fast motion: up to 1.5 after full multigrid, 0.43 where a
+// V-cycle ended it, 0.36 after a V-cycle alone, and mostly a third of that. Where the first cycle was light,
+// errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves little and leaves as much:
+// 0.94 were seen.
+constexpr double kErrorLeftFar = 0.75;
+constexpr double kErrorLeftWhole = 0.25;
 constexpr double kErrorLeftNear = 0.3;
 constexpr double kErrorLeftLight = 0.5;
 constexpr double kErrorLeftFurtherLight = 1.0;
@@ -570,21 +572,35 @@ std::unique_ptr<CorrectionWorkspace> MultigridSolver::make_correction_workspace(
   return std::make_unique<CorrectionCycle>(members_->hierarchy);
 }
 
-CorrectionReport MultigridSolver::correct(Reach reach, CorrectionWorkspace& workspace) const {
+CorrectionReport MultigridSolver::correct(Reach reach, double enough, CorrectionWorkspace& workspace) const {
   CorrectionCycle& own = members_->checked_correction(workspace);
   Cycle<4> cycle = members_->correction_cycle(reach, own);
-  if (reach != Reach::far) {
+  if (reach == Reach::near || reach == Reach::light) {
     cycle.v_cycle();
     const double longest = std::sqrt(longest_rows(members_->team, own, nullptr).row);
-    return {1, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * longest,
+    return {1, reach, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * longest,
             kSingleRounding * longest};
   }
   cycle.descend();
   const Eigen::Vector4f* const interpolated = keep(members_->team, own);
-  cycle.finish();
+  const bool by_smoothing = cycle.finishes_by_smoothing();
+  if (by_smoothing)
+    cycle.begin_finish();
+  else
+    cycle.finish();
   const Longest longest = longest_rows(members_->team, own, interpolated);
-  const double row = std::sqrt(longest.row);
-  return {1, kErrorLeftFar * std::sqrt(longest.step) + kSinglePrecision * row, kSingleRounding * row};
+  const double step = std::sqrt(longest.step), row = std::sqrt(longest.row);
+  const auto left = [&] {
+    return (reach == Reach::whole ? kErrorLeftWhole : kErrorLeftFar) * step + kSinglePrecision * row;
+  };
+  if (by_smoothing) {
+    if (!(left() <= enough)) reach = Reach::whole;
+    if (reach == Reach::whole)
+      cycle.finish_by_v_cycle();
+    else
+      cycle.finish_by_smoothing();
+  }
+  return {1, reach, left(), kSingleRounding * row};
 }
 
 CorrectionReport MultigridSolver::correct_further(Reach reach, CorrectionWorkspace& workspace) const {
@@ -595,7 +611,7 @@ CorrectionReport MultigridSolver::correct_further(Reach reach, CorrectionWorkspa
   const Longest longest = longest_rows(members_->team, own, before);
   const double rounding = kSingleRounding * std::sqrt(longest.row);
   const double left = reach == Reach::light ? kErrorLeftFurtherLight : kErrorLeftNear;
-  return {1, left * std::sqrt(longest.step) + rounding, rounding};
+  return {1, reach, left * std::sqrt(longest.step) + rounding, rounding};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

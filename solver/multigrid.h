@@ -30,7 +30,7 @@ class MultigridSolver : public LinearSolver {
   SolveReport solve(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns> x, const SolveOptions& options,
                     SolverWorkspace& workspace) const override;
   std::unique_ptr<CorrectionWorkspace> make_correction_workspace() const override;
-  CorrectionReport correct(Reach reach, CorrectionWorkspace& workspace) const override;
+  CorrectionReport correct(Reach reach, double enough, CorrectionWorkspace& workspace) const override;
   CorrectionReport correct_further(Reach reach, CorrectionWorkspace& workspace) const override;
   /// What one correct() of that reach takes.
   CycleCost correction_cost(Reach reach) const;

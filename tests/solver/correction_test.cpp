@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -15,6 +16,9 @@
 
 namespace sinew {
 namespace {
+
+/// Leaves every correction its reach.
+constexpr double kEnough = std::numeric_limits<double>::infinity();
 
 std::vector<std::unique_ptr<LinearSolver>> all_solvers(const LinearSystem& system, ThreadTeam& team) {
   std::vector<std::unique_ptr<LinearSolver>> solvers;
@@ -44,7 +48,7 @@ void refine(const LinearSolver& solver, const graphs::Problem& problem, int step
   for (int step = 0; step < steps; ++step) {
     residual(problem.system, problem.b, x, r);
     set_residual(r, *workspace);
-    EXPECT_GE(solver.correct(step == 0 ? Reach::far : later, *workspace).cycles, 0);
+    EXPECT_GE(solver.correct(step == 0 ? Reach::far : later, kEnough, *workspace).cycles, 0);
     for (Eigen::Index i = 0; i < r.rows(); ++i)
       x.row(i) += workspace->correction[i].head<3>().cast<double>().transpose();
   }
@@ -83,7 +87,7 @@ TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_pr
       return largest(left);
     };
     for (const auto& [reach, cycles] : {std::pair(Reach::near, 12), std::pair(Reach::light, 20)}) {
-      double left = solver->correct(reach, *workspace).error_left;
+      double left = solver->correct(reach, kEnough, *workspace).error_left;
       EXPECT_LT(error(), 2 * left) << solver->name();
       for (int cycle = 0; cycle < cycles; ++cycle) {
         left = solver->correct_further(reach, *workspace).error_left;
@@ -114,8 +118,8 @@ TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
     const auto workspace = solver.make_correction_workspace();
     set_residual(problem.b, *workspace);
     const long before = allocation_count();
-    solver.correct(Reach::far, *workspace);
-    solver.correct(Reach::near, *workspace);
+    solver.correct(Reach::far, kEnough, *workspace);
+    solver.correct(Reach::near, kEnough, *workspace);
     solver.correct_further(Reach::near, *workspace);
     EXPECT_EQ(allocation_count(), before);
     answers[threads - 1].assign(workspace->correction.begin(), workspace->correction.end());
@@ -128,9 +132,9 @@ TEST(Correction, a_workspace_of_another_solver_is_refused) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_ball(500));
   ThreadTeam team(1);
   const auto solvers = all_solvers(problem.system, team);
-  EXPECT_EQ(refusal([&] { solvers[0]->correct(Reach::near, *solvers[1]->make_correction_workspace()); }),
+  EXPECT_EQ(refusal([&] { solvers[0]->correct(Reach::near, kEnough, *solvers[1]->make_correction_workspace()); }),
             "MultigridSolver::correct: the workspace was made by another solver");
-  EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, *solvers[2]->make_correction_workspace()); }),
+  EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, kEnough, *solvers[2]->make_correction_workspace()); }),
             "cholesky::correct: the workspace was made by another solver");
   EXPECT_EQ(
       refusal([&] { solvers[0]->correct_further(Reach::near, *solvers[1]->make_correction_workspace()); }),

@@ -18,7 +18,7 @@ struct FrameLog {
   /// [stage][frame][repeat], milliseconds
   std::vector<std::vector<std::vector<double>>> stages;
   std::vector<std::vector<double>> whole;  ///< [frame][repeat]
-  std::vector<double> cycles, full_cycles, light_cycles, solves;  ///< by frame, the same in every repeat
+  std::vector<double> cycles, full_cycles, whole_cycles, light_cycles, solves;  ///< by frame, the same in every repeat
   int unconverged = 0;
   double error = 0.0;
 };
@@ -58,6 +58,7 @@ class FrameRuns {
       if (first) {
         log.cycles.push_back(report.cycles);
         log.full_cycles.push_back(report.full_cycles);
+        log.whole_cycles.push_back(report.whole_cycles);
         log.light_cycles.push_back(report.light_cycles);
         log.solves.push_back(report.solves);
         if (!report.converged) ++log.unconverged;
@@ -106,14 +107,17 @@ void summarise(const FrameLog& log, FramesBenchResult& result) {
 double bytes_of_solves(const Rig& rig, const FrameLog& log) {
   const auto* multigrid = dynamic_cast<const MultigridSolver*>(rig.solver.get());
   if (multigrid == nullptr) return 0.0;
-  const auto light = static_cast<double>(multigrid->correction_cost(Reach::light).bytes);
-  const auto near = static_cast<double>(multigrid->correction_cost(Reach::near).bytes);
-  const auto far = static_cast<double>(multigrid->correction_cost(Reach::far).bytes);
+  const auto bytes_of = [&](Reach reach) {
+    return static_cast<double>(multigrid->correction_cost(reach).bytes);
+  };
+  const double light = bytes_of(Reach::light), near = bytes_of(Reach::near), far = bytes_of(Reach::far),
+               whole = bytes_of(Reach::whole);
   std::vector<double> bytes;
   for (std::size_t frame = 0; frame < log.cycles.size(); ++frame) {
     const double full = log.full_cycles[frame];
+    const double ended = log.whole_cycles[frame];
     const double few = log.light_cycles[frame];
-    bytes.push_back(full * far + few * light + (log.cycles[frame] - full - few) * near);
+    bytes.push_back((full - ended) * far + ended * whole + few * light + (log.cycles[frame] - full - few) * near);
   }
   return median(std::move(bytes));
 }

@@ -1,6 +1,7 @@
 // The solvers of solver/ as peers: ours, Shi 2006's hierarchy, CHOLMOD and Eigen's conjugate gradients.
 #include <algorithm>
 #include <chrono>
+#include <limits>
 
 #include "solver/cholesky.h"
 #include "solver/conjugate_gradients.h"
@@ -77,7 +78,7 @@ class SinewPeer : public OwnPeer<MultigridSolver> {
     std::vector<double> seconds(kCycleRepeats);
     for (double& one : seconds) {
       const auto start = std::chrono::steady_clock::now();
-      solver_->correct(reach, workspace);
+      solver_->correct(reach, std::numeric_limits<double>::infinity(), workspace);
       one = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     }
     std::nth_element(seconds.begin(), seconds.begin() + kCycleRepeats / 2, seconds.end());

@@ -21,13 +21,14 @@ constexpr int kRowsPerBlock = 4096;
 /// Numbers a loop over the nodes may sum up.
 constexpr int kSums = 3;
 
-// Largest errors left, in terms of what the finest level's last treatment moved, for full multigrid of what
-// its forward sweeps moved. Measured over clips of fast motion: up to 1.5 after full multigrid, 0.43 where a
-// V-cycle ended it, 0.36 after a V-cycle alone, and mostly a third of that. Where the first cycle was light,
-// errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves little and leaves as much:
-// 0.94 were seen.
+// Largest errors left, in terms of what a part of the cycle moved: the finest level's forward sweeps in full
+// multigrid, all that follows them where it went on to a V-cycle, otherwise the last V-cycle. Measured over
+// clips of fast motion: up to 1.5 after full multigrid (mostly a third of that), 0.86 where a V-cycle ended it
+// (mostly 0.5: what a V-cycle moves behind its forward sweeps says most), 0.36 after a V-cycle alone. Where the
+// first cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves
+// little and leaves as much: 0.94 were seen.
 constexpr double kErrorLeftFar = 0.75;
-constexpr double kErrorLeftWhole = 0.25;
+constexpr double kErrorLeftWhole = 0.5;
 constexpr double kErrorLeftNear = 0.3;
 constexpr double kErrorLeftLight = 0.5;
 constexpr double kErrorLeftFurtherLight = 1.0;
@@ -582,25 +583,28 @@ CorrectionReport MultigridSolver::correct(Reach reach, double enough, Correction
             kSingleRounding * longest};
   }
   cycle.descend();
-  const Eigen::Vector4f* const interpolated = keep(members_->team, own);
-  const bool by_smoothing = cycle.finishes_by_smoothing();
-  if (by_smoothing)
-    cycle.begin_finish();
-  else
-    cycle.finish();
-  const Longest longest = longest_rows(members_->team, own, interpolated);
-  const double step = std::sqrt(longest.step), row = std::sqrt(longest.row);
-  const auto left = [&] {
-    return (reach == Reach::whole ? kErrorLeftWhole : kErrorLeftFar) * step + kSinglePrecision * row;
+  const Eigen::Vector4f* const before = keep(members_->team, own);
+  const auto report = [&](double share) -> CorrectionReport {
+    const Longest longest = longest_rows(members_->team, own, before);
+    const double row = std::sqrt(longest.row);
+    return {1, reach, share * std::sqrt(longest.step) + kSinglePrecision * row, kSingleRounding * row};
   };
-  if (by_smoothing) {
-    if (!(left() <= enough)) reach = Reach::whole;
-    if (reach == Reach::whole)
-      cycle.finish_by_v_cycle();
-    else
-      cycle.finish_by_smoothing();
+  if (!cycle.finishes_by_smoothing()) {
+    cycle.finish();
+    return report(kErrorLeftFar);
   }
-  return {1, reach, left(), kSingleRounding * row};
+  cycle.begin_finish();
+  if (reach == Reach::far) {
+    const CorrectionReport smoothed = report(kErrorLeftFar);
+    if (smoothed.error_left <= enough) {
+      cycle.finish_by_smoothing();
+      return smoothed;
+    }
+    reach = Reach::whole;
+  }
+  keep(members_->team, own);
+  cycle.finish_by_v_cycle();
+  return report(kErrorLeftWhole);
 }
 
 CorrectionReport MultigridSolver::correct_further(Reach reach, CorrectionWorkspace& workspace) const {

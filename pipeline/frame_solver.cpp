@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -30,6 +31,9 @@ constexpr double kLeastTolerance = 1e-6;
 
 /// Up to this many tolerances, what a cycle is estimated to have left is taken away by a light one.
 constexpr double kFurtherLightBelow = 2.0;
+
+/// Of a cycle that must be the last one.
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 /// A correction whose rounding takes more of the tolerance is followed by one of a new residual.
 constexpr double kRoundingShare = 0.1;
@@ -364,8 +368,8 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
   const auto count = [&] {
     cycles += std::max(step.cycles, 1);
     report.cycles += step.cycles;
-    if (step.reach == Reach::far || step.reach == Reach::whole) report.full_cycles += step.cycles;
-    if (step.reach == Reach::whole) report.whole_cycles += step.cycles;
+    if (step.reach == Reach::far) report.full_cycles += step.cycles;
+    if (step.reach == Reach::whole) ++report.whole_cycles;
     if (step.reach == Reach::light) report.light_cycles += step.cycles;
   };
   const auto wanting = [&] { return !(step.error_left <= tolerance) && cycles < options.max_cycles; };
@@ -378,7 +382,8 @@ void FrameSolver::Members::correct_until_good(FrameReport& report) {
       if (first) starts.improve(workspace->residual);
     });
     timed(FrameStage::solve, report, [&] {
-      step = rig.solver->correct(first ? starts.reach() : Reach::near, tolerance, *workspace);
+      const double enough = cycles + 1 < options.max_cycles ? tolerance : kNoLimit;
+      step = rig.solver->correct(first ? starts.reach() : Reach::near, enough, *workspace);
       count();
       while (wanting() && step.rounding <= kRoundingShare * tolerance) {
         const Reach further = step.error_left <= kFurtherLightBelow * tolerance ? Reach::light : Reach::near;

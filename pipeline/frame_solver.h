@@ -46,8 +46,8 @@ const char* stage_name(FrameStage stage);
 struct FrameReport {
   int solves = 0;
   int cycles = 0;          ///< over all solves of the frame
-  int full_cycles = 0;     ///< those of them of Reach::far or whole: with multigrid, of full multigrid
-  int whole_cycles = 0;    ///< those of the full ones that ended with a V-cycle: Reach::whole
+  int full_cycles = 0;     ///< those of them of Reach::far: with multigrid, of full multigrid
+  int whole_cycles = 0;    ///< corrections of Reach::whole: full multigrid and a V-cycle, two cycles each
   int light_cycles = 0;    ///< those of Reach::light: V-cycles with half the smoothing
   double error = 0.0;      ///< estimated largest error of any node, share of the diagonal
   double residual = 0.0;   ///< |b - A x| / |b| of the last solve, if measured

@@ -64,9 +64,7 @@ class Cycle {
   void finish();
   /// Where the finest level is finished_by_smoothing, the same step by step: forward sweeps, and then either
   /// the backward sweeps alone or the rest of a V-cycle.
-  bool finishes_by_smoothing() const {
-    return last_level() > 0 && finished_by_smoothing(hierarchy_, 0);
-  }
+  bool finishes_by_smoothing() const { return last_level() > 0 && finished_by_smoothing(hierarchy_, 0); }
   void begin_finish();
   void finish_by_smoothing();
   void finish_by_v_cycle();

@@ -63,7 +63,7 @@ class CorrectionWorkspace {
 
 /// What a correction was worth.
 struct CorrectionReport {
-  int cycles = 0;             ///< as SolveReport::cycles
+  int cycles = 0;             ///< as SolveReport::cycles; Reach::whole counts as two
   Reach reach = Reach::near;  ///< of the cycle: the one asked for, but for correct() of Reach::far
   double error_left = 0;  ///< estimate: the largest error of any node left, in the unit of the correction
   /// What single precision leaves of that: only a correction of the residual at the new place takes it away.

@@ -23,13 +23,13 @@ constexpr int kSums = 3;
 
 // Largest errors left, in terms of what a part of the cycle moved: the finest level's forward sweeps in full
 // multigrid, all that follows them where it went on to a V-cycle, otherwise the last V-cycle. Measured over
-// clips of fast motion: up to 1.5 after full multigrid (mostly a third of that), 0.86 where a V-cycle ended it
-// (mostly 0.5: what a V-cycle moves behind its forward sweeps says most), 0.36 after a V-cycle alone. Where the
-// first cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves
-// little and leaves as much: 0.94 were seen.
+// clips of fast motion: up to 1.5 after full multigrid (mostly a third of that), 0.86 where a V-cycle ended
+// it (mostly 0.5: what a V-cycle moves behind its forward sweeps says most), 0.42 after a V-cycle alone
+// (mostly 0.2). Where the first cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle
+// behind another one moves little and leaves as much: 0.94 were seen.
 constexpr double kErrorLeftFar = 0.75;
 constexpr double kErrorLeftWhole = 0.5;
-constexpr double kErrorLeftNear = 0.3;
+constexpr double kErrorLeftNear = 0.22;
 constexpr double kErrorLeftLight = 0.5;
 constexpr double kErrorLeftFurtherLight = 1.0;
 
@@ -587,7 +587,8 @@ CorrectionReport MultigridSolver::correct(Reach reach, double enough, Correction
   const auto report = [&](double share) -> CorrectionReport {
     const Longest longest = longest_rows(members_->team, own, before);
     const double row = std::sqrt(longest.row);
-    return {1, reach, share * std::sqrt(longest.step) + kSinglePrecision * row, kSingleRounding * row};
+    const int cycles = reach == Reach::whole ? 2 : 1;
+    return {cycles, reach, share * std::sqrt(longest.step) + kSinglePrecision * row, kSingleRounding * row};
   };
   if (!cycle.finishes_by_smoothing()) {
     cycle.finish();

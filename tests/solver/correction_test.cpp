@@ -109,6 +109,37 @@ TEST(Correction, one_far_reaching_cycle_leaves_less_than_a_hundredth) {
   EXPECT_LT((x - wanted).cwiseAbs().maxCoeff(), 0.01 * wanted.cwiseAbs().maxCoeff());
 }
 
+TEST(Correction, full_multigrid_goes_on_to_a_v_cycle_where_smoothing_would_leave_too_much) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
+  ThreadTeam team(1);
+  const MultigridSolver solver(problem.system, {}, team);
+  const Columns wanted = direct_answer(problem);
+  const auto workspace = solver.make_correction_workspace();
+  set_residual(problem.b, *workspace);
+  const auto error = [&] {
+    double largest = 0;
+    for (Eigen::Index i = 0; i < wanted.rows(); ++i)
+      largest = std::max(
+          largest, (wanted.row(i).transpose() - workspace->correction[i].head<3>().cast<double>()).norm());
+    return largest;
+  };
+  const CorrectionReport far = solver.correct(Reach::far, kEnough, *workspace);
+  EXPECT_EQ(far.reach, Reach::far);
+  EXPECT_EQ(far.cycles, 1);
+  const double smoothed = error();
+  EXPECT_LT(smoothed, 2 * far.error_left);
+  EXPECT_EQ(solver.correct(Reach::far, far.error_left, *workspace).reach, Reach::far);
+  const CorrectionReport whole = solver.correct(Reach::far, 0.99 * far.error_left, *workspace);
+  EXPECT_EQ(whole.reach, Reach::whole);
+  EXPECT_EQ(whole.cycles, 2);
+  EXPECT_LT(whole.error_left, far.error_left);
+  const double corrected = error();
+  EXPECT_LT(corrected, 0.6 * smoothed);
+  EXPECT_LT(corrected, 2 * whole.error_left);
+  EXPECT_EQ(solver.correct(Reach::whole, kEnough, *workspace).error_left, whole.error_left);
+  EXPECT_EQ(error(), corrected);
+}
+
 TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
   std::vector<Eigen::Vector4f> answers[2];
@@ -120,6 +151,7 @@ TEST(Correction, bytes_do_not_depend_on_threads_and_nothing_is_allocated) {
     const long before = allocation_count();
     solver.correct(Reach::far, kEnough, *workspace);
     solver.correct(Reach::near, kEnough, *workspace);
+    solver.correct(Reach::whole, kEnough, *workspace);
     solver.correct_further(Reach::near, *workspace);
     EXPECT_EQ(allocation_count(), before);
     answers[threads - 1].assign(workspace->correction.begin(), workspace->correction.end());
@@ -132,10 +164,12 @@ TEST(Correction, a_workspace_of_another_solver_is_refused) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_ball(500));
   ThreadTeam team(1);
   const auto solvers = all_solvers(problem.system, team);
-  EXPECT_EQ(refusal([&] { solvers[0]->correct(Reach::near, kEnough, *solvers[1]->make_correction_workspace()); }),
-            "MultigridSolver::correct: the workspace was made by another solver");
-  EXPECT_EQ(refusal([&] { solvers[1]->correct(Reach::near, kEnough, *solvers[2]->make_correction_workspace()); }),
-            "cholesky::correct: the workspace was made by another solver");
+  EXPECT_EQ(
+      refusal([&] { solvers[0]->correct(Reach::near, kEnough, *solvers[1]->make_correction_workspace()); }),
+      "MultigridSolver::correct: the workspace was made by another solver");
+  EXPECT_EQ(
+      refusal([&] { solvers[1]->correct(Reach::near, kEnough, *solvers[2]->make_correction_workspace()); }),
+      "cholesky::correct: the workspace was made by another solver");
   EXPECT_EQ(
       refusal([&] { solvers[0]->correct_further(Reach::near, *solvers[1]->make_correction_workspace()); }),
       "MultigridSolver::correct: the workspace was made by another solver");

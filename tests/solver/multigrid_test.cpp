@@ -208,6 +208,9 @@ TEST(Multigrid, the_cost_of_a_cycle_grows_with_the_graph_and_with_the_sweeps) {
   }
   EXPECT_EQ(four.correction_cost(Reach::light).bytes, two.correction_cost(Reach::near).bytes);
   EXPECT_LT(two.correction_cost(Reach::light).bytes, two.correction_cost(Reach::near).bytes);
+  EXPECT_GT(two.correction_cost(Reach::whole).bytes, two.correction_cost(Reach::near).bytes);
+  EXPECT_LT(two.correction_cost(Reach::whole).bytes,
+            two.correction_cost(Reach::far).bytes + two.correction_cost(Reach::light).bytes);
   EXPECT_EQ(four.correction_cost(Reach::near).bytes - two.correction_cost(Reach::near).bytes -
                 static_cast<std::int64_t>(4 * once),
             [&] {  // one sweep more on either side of every level that has a coarser one

@@ -21,15 +21,17 @@ constexpr int kRowsPerBlock = 4096;
 /// Numbers a loop over the nodes may sum up.
 constexpr int kSums = 3;
 
-// Largest errors left, in terms of what a part of the cycle moved: the finest level's forward sweeps in full
-// multigrid, all that follows them where it went on to a V-cycle, otherwise the last V-cycle. Measured over
-// clips of fast motion: up to 1.5 after full multigrid (mostly a third of that), 0.86 where a V-cycle ended
-// it (mostly 0.5: what a V-cycle moves behind its forward sweeps says most), 0.42 after a V-cycle alone
-// (mostly 0.2). Where the first cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle
-// behind another one moves little and leaves as much: 0.94 were seen.
-constexpr double kErrorLeftFar = 0.75;
+// Largest errors left, in terms of what a part of the cycle moved. Measured over clips of fast motion: after
+// full multigrid up to 1.2 of all that the finest level moved, and foretold by 1.5 of what its forward sweeps
+// moved (mostly a third of that); where a V-cycle ended it, 0.86 of what came behind the forward sweeps
+// (mostly 0.5: that says most); after a V-cycle alone 0.42 (mostly 0.2), 0.36 behind another cycle. Where the
+// first cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves
+// little and leaves as much: 0.94 were seen.
+constexpr double kErrorLeftFar = 0.6;
+constexpr double kErrorLeftForeseen = 0.75;
 constexpr double kErrorLeftWhole = 0.5;
 constexpr double kErrorLeftNear = 0.22;
+constexpr double kErrorLeftFurther = 0.3;
 constexpr double kErrorLeftLight = 0.5;
 constexpr double kErrorLeftFurtherLight = 1.0;
 
@@ -596,10 +598,9 @@ CorrectionReport MultigridSolver::correct(Reach reach, double enough, Correction
   }
   cycle.begin_finish();
   if (reach == Reach::far) {
-    const CorrectionReport smoothed = report(kErrorLeftFar);
-    if (smoothed.error_left <= enough) {
+    if (report(kErrorLeftForeseen).error_left <= enough) {
       cycle.finish_by_smoothing();
-      return smoothed;
+      return report(kErrorLeftFar);
     }
     reach = Reach::whole;
   }
@@ -615,7 +616,7 @@ CorrectionReport MultigridSolver::correct_further(Reach reach, CorrectionWorkspa
   cycle.further_v_cycle();
   const Longest longest = longest_rows(members_->team, own, before);
   const double rounding = kSingleRounding * std::sqrt(longest.row);
-  const double left = reach == Reach::light ? kErrorLeftFurtherLight : kErrorLeftNear;
+  const double left = reach == Reach::light ? kErrorLeftFurtherLight : kErrorLeftFurther;
   return {1, reach, left * std::sqrt(longest.step) + rounding, rounding};
 }
 

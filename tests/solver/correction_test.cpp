@@ -128,8 +128,8 @@ TEST(Correction, full_multigrid_goes_on_to_a_v_cycle_where_smoothing_would_leave
   EXPECT_EQ(far.cycles, 1);
   const double smoothed = error();
   EXPECT_LT(smoothed, 2 * far.error_left);
-  EXPECT_EQ(solver.correct(Reach::far, far.error_left, *workspace).reach, Reach::far);
-  const CorrectionReport whole = solver.correct(Reach::far, 0.99 * far.error_left, *workspace);
+  EXPECT_EQ(solver.correct(Reach::far, 1.3 * far.error_left, *workspace).reach, Reach::far);
+  const CorrectionReport whole = solver.correct(Reach::far, 0.5 * far.error_left, *workspace);
   EXPECT_EQ(whole.reach, Reach::whole);
   EXPECT_EQ(whole.cycles, 2);
   EXPECT_LT(whole.error_left, 0.5 * far.error_left);

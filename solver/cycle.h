@@ -39,8 +39,8 @@ struct CycleMemory {
 };
 
 /// Cycles that approximate A^-1 for kWidth right-hand sides. Every step is cut into blocks fixed by the
-/// data, so the numbers do not depend on the team. Symmetric: forward sweeps before the coarse
-/// correction, backward sweeps after it.
+/// data, so the numbers do not depend on the team. Symmetric but for the patches: forward sweeps before the
+/// coarse correction, backward sweeps after it; patches are solved before it alone, after it they gain nothing.
 template <int kWidth>
 class Cycle {
  public:

@@ -196,8 +196,7 @@ void print_milliseconds(std::ostream& out, const char* name, const Spread& sprea
 void print_solver(std::ostream& out, const Report& report) {
   const Spread cycles = cycle_spread(report);
   out << line(
-      "solver   cycles median %.0f, max %.0f; largest error %.1e of the diagonal (estimate); %zu frames "
-      "short of "
+      "solver   cycles median %.0f, max %.0f; largest error %.1e of the diagonal (estimate); %zu frames short of "
       "the tolerance\n",
       cycles.median, cycles.max, worst_error(report), unconverged_frames(report).size());
 }
@@ -211,8 +210,7 @@ void print_frames(std::ostream& out, const Report& report) {
     print_milliseconds(out, stage_name(static_cast<FrameStage>(stage)), stage_spread(report, stage));
   if (report.preview) {
     out << line(
-        "preview  unsolved; beside %zu solved frames: largest error %.1e of the diagonal (frame %d), rms "
-        "%.1e\n",
+        "preview  unsolved; beside %zu solved frames: largest error %.1e of the diagonal (frame %d), rms %.1e\n",
         report.preview->frames.size(), report.preview->largest, report.preview->worst_frame + 1,
         report.preview->rms);
   } else {

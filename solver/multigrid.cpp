@@ -29,8 +29,8 @@ constexpr int kSums = 3;
 // little and leaves as much: 0.94 were seen.
 constexpr double kErrorLeftFar = 0.6;
 constexpr double kErrorLeftForeseen = 0.75;
-constexpr double kErrorLeftWhole = 0.5;
-constexpr double kErrorLeftNear = 0.22;
+constexpr double kErrorLeftWhole = 0.6;
+constexpr double kErrorLeftNear = 0.27;
 constexpr double kErrorLeftFurther = 0.3;
 constexpr double kErrorLeftLight = 0.5;
 constexpr double kErrorLeftFurtherLight = 1.0;

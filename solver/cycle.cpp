@@ -186,11 +186,6 @@ void Cycle<kWidth>::finish_by_smoothing() {
 }
 
 template <int kWidth>
-void Cycle<kWidth>::finish_by_v_cycle() {
-  improve_smoothed(0);
-}
-
-template <int kWidth>
 void Cycle<kWidth>::improve(int level) {
   smooth_forward(level, sweeps_on_level(hierarchy_, level, sweeps_));
   solve_patches(level);

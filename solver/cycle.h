@@ -63,14 +63,14 @@ class Cycle {
   void descend();
   void finish();
   /// Where the finest level is finished_by_smoothing, the same step by step: forward sweeps, and then either
-  /// the backward sweeps alone or the rest of a V-cycle.
+  /// the backward sweeps alone or, with improve_smoothed(0), the rest of a V-cycle.
   bool finishes_by_smoothing() const { return last_level() > 0 && finished_by_smoothing(hierarchy_, 0); }
   void begin_finish();
   void finish_by_smoothing();
-  void finish_by_v_cycle();
 
   /// The steps full multigrid is made of.
-  void improve(int level);  ///< one V-cycle on solution(level), whatever is in it
+  void improve(int level);           ///< one V-cycle on solution(level), whatever is in it
+  void improve_smoothed(int level);  ///< what of it comes behind the forward sweeps
   void solve_last_level();
 
  private:
@@ -81,7 +81,6 @@ class Cycle {
   int last_level() const { return static_cast<int>(hierarchy_.matrices.size()) - 1; }
 
   void clear(int level);
-  void improve_smoothed(int level);  // the V-cycle behind its forward sweeps
   void solve_patches(int level);
   void smooth_forward(int level, int count);
   void smooth_backward(int level, int count);

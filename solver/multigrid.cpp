@@ -605,7 +605,7 @@ CorrectionReport MultigridSolver::correct(Reach reach, double enough, Correction
     reach = Reach::whole;
   }
   keep(members_->team, own);
-  cycle.finish_by_v_cycle();
+  cycle.improve_smoothed(0);
   return report(kErrorLeftWhole);
 }
 

@@ -40,6 +40,18 @@ Columns direct_answer(const graphs::Problem& problem) {
   return answer;
 }
 
+double largest(const Columns& rows) {
+  return rows.rowwise().norm().maxCoeff();
+}
+
+// Of the correction, beside the answer to its residual.
+double largest_error(const Columns& wanted, const CorrectionWorkspace& workspace) {
+  Columns left = wanted;
+  for (Eigen::Index i = 0; i < left.rows(); ++i)
+    left.row(i) -= workspace.correction[i].head<3>().cast<double>().transpose();
+  return largest(left);
+}
+
 // x <- x + correction of b - A x, `steps` times, the first one far, the others as far as `later` says.
 void refine(const LinearSolver& solver, const graphs::Problem& problem, int steps, Columns& x,
             Reach later = Reach::near) {
@@ -71,7 +83,6 @@ TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_pr
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
   ThreadTeam team(1);
   const Columns wanted = direct_answer(problem);
-  const auto largest = [](const Columns& rows) { return rows.rowwise().norm().maxCoeff(); };
 #ifdef __FMA__
   constexpr double single_precision = 1e-6;
 #else
@@ -80,12 +91,7 @@ TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_pr
   for (const auto& solver : all_solvers(problem.system, team)) {
     const auto workspace = solver->make_correction_workspace();
     set_residual(problem.b, *workspace);
-    const auto error = [&] {
-      Columns left = wanted;
-      for (Eigen::Index i = 0; i < left.rows(); ++i)
-        left.row(i) -= workspace->correction[i].head<3>().cast<double>().transpose();
-      return largest(left);
-    };
+    const auto error = [&] { return largest_error(wanted, *workspace); };
     for (const auto& [reach, cycles] : {std::pair(Reach::near, 12), std::pair(Reach::light, 20)}) {
       double left = solver->correct(reach, kEnough, *workspace).error_left;
       EXPECT_LT(error(), 2 * left) << solver->name();
@@ -116,13 +122,7 @@ TEST(Correction, full_multigrid_goes_on_to_a_v_cycle_where_smoothing_would_leave
   const Columns wanted = direct_answer(problem);
   const auto workspace = solver.make_correction_workspace();
   set_residual(problem.b, *workspace);
-  const auto error = [&] {
-    double largest = 0;
-    for (Eigen::Index i = 0; i < wanted.rows(); ++i)
-      largest = std::max(
-          largest, (wanted.row(i).transpose() - workspace->correction[i].head<3>().cast<double>()).norm());
-    return largest;
-  };
+  const auto error = [&] { return largest_error(wanted, *workspace); };
   const CorrectionReport far = solver.correct(Reach::far, kEnough, *workspace);
   EXPECT_EQ(far.reach, Reach::far);
   EXPECT_EQ(far.cycles, 1);

@@ -18,8 +18,8 @@ struct FrameLog {
   /// [stage][frame][repeat], milliseconds
   std::vector<std::vector<std::vector<double>>> stages;
   std::vector<std::vector<double>> whole;  ///< [frame][repeat]
-  std::vector<double> cycles, full_cycles, whole_cycles, light_cycles,
-      solves;  ///< by frame, the same in every repeat
+  /// By frame, the same in every repeat.
+  std::vector<double> cycles, full_cycles, whole_cycles, light_cycles, solves;
   int unconverged = 0;
   double error = 0.0;
 };
@@ -180,9 +180,8 @@ FramesBenchResult run_frames_bench(const Scene& scene, const Motion& motion, con
   result.first_frame = options.first_frame;
   result.frame_count = options.last_frame - options.first_frame + 1;
   if (!tell("building")) return result;
-  const Rig rig = build_rig_of_size(
-      scene, options.size, options.frame.deform, team,
-      options.frame.start == Start::subspace ? SubspaceOf::free_nodes : SubspaceOf::nothing);
+  const Rig rig = build_rig_of_size(scene, options.size, options.frame.deform, team,
+                                    options.frame.start == Start::subspace ? SubspaceOf::free_nodes : SubspaceOf::nothing);
   result.free_vertices = static_cast<int>(rig.node_of_free.size());
   result.surface_vertices = rig.volume.surface_count;
   result.rig_bytes = static_cast<std::int64_t>(rig.bytes());

@@ -83,11 +83,12 @@ struct FrameSolver::Members {
   std::vector<char> given;  // per free slot: in a bone's cylinder, its rotation is the bone's
 
   PoseRotations pose_rotations;
-  SlotTerms terms;
+  SlotBlends blends;
   Starts starts;
-  LargeVector<Eigen::Quaternionf> rotations;         // per slot
-  LargeVector<float> pose_scales;                    // per slot
-  LargeVector<float> volume_scales;                  // per free slot
+  // For the local steps, per slot; empty where there are none.
+  LargeVector<Eigen::Quaternionf> rotations;
+  LargeVector<float> pose_scales;
+  LargeVector<float> volume_scales;
   std::vector<Eigen::Vector3d> held_positions;       // per constrained slot: relative to origin
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // the pose's first joint
   std::unique_ptr<CorrectionWorkspace> workspace;
@@ -108,9 +109,13 @@ struct FrameSolver::Members {
   template <int kCount>
   FitBatch batch_from(int first) const;
   template <int kCount>
+  FitBatch blended_from(int first) const;
+  float blended_scale(int slot) const;
+  template <int kCount>
   void write_rotations(const FitBatch& batch, int first);
-  template <int kCount, typename Scale, typename StartAt>
-  void write_records(const FitBatch& batch, int first, const Scale& scale, const StartAt& start_at);
+  template <int kCount, typename StartAt>
+  void write_records(const FitBatch& batch, int first, const float (&scales)[kFitLanes],
+                     const StartAt& start_at);
   template <int kCount>
   void fit_batch(int first, int& next_run);
 
@@ -126,11 +131,13 @@ FrameSolver::Members::Members(const Rig& rig_in, const FrameOptions& options_in,
       team(team_in),
       nodes(rig_in),
       pose_rotations(rig_in.skeleton, rig_in.binding),
-      terms(rig_in, nodes, pose_rotations),
-      starts(rig_in, nodes, terms, options_in, team_in) {
-  rotations.assign(nodes.slot_count, Eigen::Quaternionf::Identity());
-  pose_scales.assign(nodes.slot_count, 1.0f);
-  volume_scales.assign(nodes.free_count, 1.0f);
+      blends(rig_in.harmonics, {nodes.node_of_slot.data(), nodes.node_of_slot.size()}, pose_rotations),
+      starts(rig_in, nodes, blends, pose_rotations, options_in, team_in) {
+  if (solve_count(options) > 1) {
+    rotations.assign(nodes.slot_count, Eigen::Quaternionf::Identity());
+    pose_scales.assign(nodes.slot_count, 1.0f);
+    volume_scales.assign(nodes.slot_count, 1.0f);
+  }
   held_positions.assign(nodes.slot_count - nodes.free_count, Eigen::Vector3d::Zero());
   given.assign(nodes.free_count, 0);
   for (const FieldConstraint& constraint : rig.binding.field_constraints) {
@@ -184,16 +191,33 @@ void FrameSolver::Members::write_rotations(const FitBatch& batch, int first) {
   }
 }
 
+/// A batch with the blended rotations of slots from `first` on.
+template <int kCount>
+FitBatch FrameSolver::Members::blended_from(int first) const {
+  FitBatch batch;
+  blends.blend(first / kFitLanes, pose_rotations, batch.rotation);
+  if constexpr (kCount < kFitLanes) {
+    for (auto& numbers : batch.rotation) numbers[0] = numbers[first % kFitLanes];
+  }
+  return batch;
+}
+
+float FrameSolver::Members::blended_scale(int slot) const {
+  const HarmonicFields& fields = rig.harmonics;
+  const int node = nodes.node_of_slot[slot];
+  const int begin = fields.offsets[node], end = fields.offsets[node + 1];
+  return pose_rotations.blend_scale(&fields.fields[begin], &fields.weights[begin], end - begin);
+}
+
 /// The columns of the batch's rotations, times the scales, and the starts of the solve to come, into the
 /// records.
-template <int kCount, typename Scale, typename StartAt>
-void FrameSolver::Members::write_records(const FitBatch& batch, int first, const Scale& scale,
+template <int kCount, typename StartAt>
+void FrameSolver::Members::write_records(const FitBatch& batch, int first, const float (&scales)[kFitLanes],
                                          const StartAt& start_at) {
   alignas(64) float matrices[9][kFitLanes];
   rotation_matrices(batch, matrices);
-  for (int lane = 0; lane < kCount; ++lane) {
-    const float factor = scale(first + lane);
-    for (auto& entry : matrices) entry[lane] *= factor;
+  for (auto& entry : matrices) {
+    for (int lane = 0; lane < kFitLanes; ++lane) entry[lane] *= scales[lane];
   }
   for (int lane = 0; lane < kCount; lane += 4) {
     const int slots = std::min(4, kCount - lane);
@@ -220,27 +244,24 @@ void FrameSolver::Members::write_records(const FitBatch& batch, int first, const
 void FrameSolver::Members::blend(const Pose& pose) {
   pose_rotations.read(pose);
   starts.begin_frame(pose, pose_rotations);
-  const HarmonicFields& fields = rig.harmonics;
   for_each_block(nodes.slot_count, [&](int first, int end) {
     const int free_end = std::min(end, nodes.free_count);
     starts.begin_first(first, free_end);
-    for (int slot = first; slot < end; ++slot) {
-      rotations[slot].coeffs() = pose_rotations.blend_of_any_length(terms.of(slot));
-      float scale = 1.0f;
-      if (!pose_rotations.rigid()) {
-        const int row = fields.offsets[nodes.node_of_slot[slot]];
-        const int fields_here = fields.offsets[nodes.node_of_slot[slot] + 1] - row;
-        scale = pose_rotations.blend_scale(&fields.fields[row], &fields.weights[row], fields_here);
-      }
-      pose_scales[slot] = scale;
-      if (slot < free_end) volume_scales[slot] = 1.0f;
-    }
     for_each_batch(first, end, [&](int slot, auto count) {
-      write_records<count>(
-          batch_from<count>(slot), slot, [&](int k) { return pose_scales[k]; },
-          [&](int k) {
-            return k < free_end ? starts.first_start(k) : Eigen::Vector4f(Eigen::Vector4f::Zero());
-          });
+      const FitBatch batch = blended_from<count>(slot);
+      alignas(64) float scales[kFitLanes];
+      std::fill_n(scales, kFitLanes, 1.0f);
+      if (!pose_rotations.rigid()) {
+        for (int lane = 0; lane < count; ++lane) scales[lane] = blended_scale(slot + lane);
+      }
+      if (!rotations.empty()) {
+        write_rotations<count>(batch, slot);
+        std::copy_n(scales, count(), &pose_scales[slot]);
+        std::fill_n(&volume_scales[slot], count(), 1.0f);
+      }
+      write_records<count>(batch, slot, scales, [&](int k) {
+        return k < free_end ? starts.first_start(k) : Eigen::Vector4f(Eigen::Vector4f::Zero());
+      });
     });
   });
 }
@@ -306,6 +327,7 @@ void FrameSolver::Members::fit_batch(int first, int& next_run) {
   FitBatch batch = batch_from<kCount>(first);
   alignas(64) float determinants[kFitLanes] = {};
   alignas(64) float scales[kFitLanes] = {};
+  alignas(64) float factors[kFitLanes] = {};
   sum_edges(nodes, first, kCount, next_run, batch);
   for (int lane = 0; lane < kCount; ++lane) {
     const float pose_scale = pose_scales[first + lane];
@@ -318,13 +340,13 @@ void FrameSolver::Members::fit_batch(int first, int& next_run) {
     correct_volume(batch, determinants, static_cast<float>(options.volume_gain), scales);
   for (int lane = 0; lane < kCount; ++lane) {
     volume_scales[first + lane] = scales[lane];
+    factors[lane] = pose_scales[first + lane] * scales[lane];
     if (!given[first + lane]) continue;
     for (int k = 0; k < 4; ++k) batch.rotation[k][lane] = rotations[first + lane].coeffs()[k];
   }
   write_rotations<kCount>(batch, first);
-  write_records<kCount>(
-      batch, first, [&](int slot) { return pose_scales[slot] * volume_scales[slot]; },
-      [&](int slot) { return starts.begin(slot, nodes.places[slot].now); });
+  write_records<kCount>(batch, first, factors,
+                        [&](int slot) { return starts.begin(slot, nodes.places[slot].now); });
 }
 
 /// New rotations and scales from the positions now, and the start of the solve to come.
@@ -473,10 +495,10 @@ void FrameSolver::read_positions(Eigen::Ref<Field3> positions) const {
 std::size_t FrameSolver::bytes() const {
   const Members& m = *members_;
   const auto slots = static_cast<std::size_t>(m.nodes.slot_count);
-  return slots * (sizeof(NodeRecord) + sizeof(NodePlace) + sizeof(Eigen::Quaternionf) + 4 * sizeof(int)) +
+  return slots * (sizeof(NodeRecord) + sizeof(NodePlace) + 4 * sizeof(int)) +
+         m.rotations.size() * (sizeof(Eigen::Quaternionf) + 2 * sizeof(float)) +
          m.nodes.neighbors.size() * sizeof(int) + m.nodes.weights.size() * sizeof(float) +
-         m.nodes.runs.size() * sizeof(LatticeRun) + m.terms.terms.size() * sizeof(BlendTerm) +
-         m.starts.bytes();
+         m.nodes.runs.size() * sizeof(LatticeRun) + m.blends.bytes() + m.starts.bytes();
 }
 
 }  // namespace sinew

@@ -8,10 +8,6 @@
 namespace sinew {
 namespace {
 
-/// Steps in which a bone's twist is tabulated. Between steps quaternions are interpolated linearly:
-/// for a full turn that is wrong by less than 1e-4 of a radian.
-constexpr int kTwistSteps = 64;
-
 /// Nodes per block of parallel work.
 constexpr int kBlock = 4096;
 
@@ -31,28 +27,30 @@ double half_twist_about(const Eigen::Quaterniond& rotation, const Eigen::Vector3
   return fade * std::atan2(along, rotation.w());
 }
 
+Eigen::Vector4f BoneTurn::at(float along) const {
+  const float angle = half_twist * (along - 0.5f);
+  return std::cos(angle) * middle + std::sin(angle) * across;
+}
+
 PoseRotations::PoseRotations(const RigSkeleton& skeleton, const Binding& binding) {
-  int places = 0;
   for (const FieldSource& source : binding.fields) {
     const Bone& bone = binding.bones[source.bone];
-    joint_of_field_.push_back(bone.joint);
-    twists_of_field_.push_back(bone.twists);
-    far_end_of_field_.push_back(source.far_end);
-    // A far half shares the table of the near half before it.
-    place_of_field_.push_back(source.far_end ? place_of_field_.back() : places);
-    if (source.far_end) continue;
-    if (bone.twists) {
-      twists_.push_back({bone.joint, skeleton.joints[bone.joint].parent, bone.twisted_by, bone.axis, places});
+    if (!source.far_end) {  // a far half shares the turn of the near half before it
+      if (bone.twists) {
+        twists_.push_back({static_cast<int>(turns_.size()), skeleton.joints[bone.joint].parent,
+                           bone.twisted_by, bone.axis});
+      }
+      turns_.push_back({bone.joint, bone.twists});
     }
-    ranges_.push_back({bone.joint, places, bone.twists ? kTwistSteps + 1 : 2});
-    places += ranges_.back().count;
+    turn_of_field_.push_back(static_cast<int>(turns_.size()) - 1);
+    far_end_of_field_.push_back(source.far_end);
   }
-  scale_of_field_.assign(joint_of_field_.size(), 1.0f);
-  table_.assign(places, Eigen::Vector4f(0, 0, 0, 1));
+  scale_of_field_.assign(turn_of_field_.size(), 1.0f);
 }
 
 void PoseRotations::read_twist(const Pose& pose, const TwistSource& source) {
-  const Eigen::Quaterniond& own = pose.rotations[source.joint];
+  BoneTurn& turn = turns_[source.turn];
+  const Eigen::Quaterniond& own = pose.rotations[turn.joint];
   double half_angle = 0.0;
   if (source.parent >= 0) {  // a root turns the whole body: nothing before it could take up its twist
     half_angle = half_twist_about(pose.rotations[source.parent].conjugate() * own, source.axis);
@@ -61,23 +59,23 @@ void PoseRotations::read_twist(const Pose& pose, const TwistSource& source) {
   if (source.twisted_by >= 0) {
     half_angle += half_twist_about(own.conjugate() * pose.rotations[source.twisted_by], source.axis);
   }
-  for (int step = 0; step <= kTwistSteps; ++step) {
-    const Eigen::Quaterniond turn = turn_about(source.axis, half_angle * step / kTwistSteps);
-    table_[source.first_place + step] = (near * turn).coeffs().cast<float>();
-  }
+  const Eigen::Quaterniond middle = near * turn_about(source.axis, 0.5 * half_angle);
+  const Eigen::Quaterniond half_turn(0.0, source.axis.x(), source.axis.y(), source.axis.z());
+  turn.half_twist = static_cast<float>(half_angle);
+  turn.middle = middle.coeffs().cast<float>();
+  turn.across = (middle * half_turn).coeffs().cast<float>();
 }
 
 void PoseRotations::read(const Pose& pose) {
   rigid_ = true;
-  for (std::size_t field = 0; field < joint_of_field_.size(); ++field) {
-    const int joint = joint_of_field_[field];
-    scale_of_field_[field] = static_cast<float>(pose.scales[joint]);
+  for (std::size_t field = 0; field < turn_of_field_.size(); ++field) {
+    BoneTurn& turn = turns_[turn_of_field_[field]];
+    const double scale = pose.scales[turn.joint];
+    scale_of_field_[field] = static_cast<float>(scale);
     // Scales come out of cube roots: rounding alone must not make a rigid skeleton a growing one.
     constexpr double rounding = 1e-9;
-    if (std::abs(pose.scales[joint] - 1.0) > rounding) rigid_ = false;
-    if (twists_of_field_[field]) continue;
-    const int place = place_of_field_[field];
-    table_[place] = table_[place + 1] = pose.rotations[joint].coeffs().cast<float>();
+    if (std::abs(scale - 1.0) > rounding) rigid_ = false;
+    if (!turn.twists) turn.middle = pose.rotations[turn.joint].coeffs().cast<float>();
   }
   for (const TwistSource& source : twists_) read_twist(pose, source);
 }
@@ -86,8 +84,9 @@ void PoseRotations::append_terms(const int* fields, const float* weights, int co
                                  std::vector<BlendTerm>& terms) const {
   for (int k = 0; k < count; ++k) {
     const int field = fields[k];
-    if (!twists_of_field_[field]) {
-      terms.push_back({place_of_field_[field], weights[k], 0.0f});
+    const int turn = turn_of_field_[field];
+    if (!turns_[turn].twists) {
+      terms.push_back({turn, weights[k], 0.0f});
       continue;
     }
     // Both halves of a bone lie side by side; either may have been too weak to store.
@@ -96,18 +95,20 @@ void PoseRotations::append_terms(const int* fields, const float* weights, int co
     if (!far_end_of_field_[field] && k + 1 < count && fields[k + 1] == field + 1 && far_end_of_field_[field + 1]) {
       far = weights[++k];
     }
-    const float step = kTwistSteps * far / (near + far);
-    const int below = std::min(static_cast<int>(step), kTwistSteps - 1);
-    const float rest = step - static_cast<float>(below);
-    terms.push_back({place_of_field_[field] + below, (near + far) * (1.0f - rest), (near + far) * rest});
+    terms.push_back({turn, near + far, far / (near + far)});
   }
 }
 
-int PoseRotations::strongest_place(std::span<const BlendTerm> terms) {
-  const auto strongest = std::max_element(terms.begin(), terms.end(), [](const BlendTerm& a, const BlendTerm& b) {
-    return a.below + a.above < b.below + b.above;
-  });
-  return strongest->place;
+Eigen::Quaternionf PoseRotations::blend(std::span<const BlendTerm> terms) const {
+  Eigen::Vector4f sum = Eigen::Vector4f::Zero();
+  for (const BlendTerm& term : terms) sum += term.weight * turns_[term.turn].at(term.along);
+  if (sum.squaredNorm() < kLeastLength * kLeastLength) {
+    const auto strongest =
+        std::max_element(terms.begin(), terms.end(),
+                         [](const BlendTerm& a, const BlendTerm& b) { return a.weight < b.weight; });
+    sum = turns_[strongest->turn].at(strongest->along);
+  }
+  return Eigen::Quaternionf(sum.normalized());
 }
 
 float PoseRotations::blend_scale(const int* fields, const float* weights, int count) const {

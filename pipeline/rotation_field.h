@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -10,21 +11,38 @@
 
 namespace sinew {
 
-/// A node's share in one bone's rotation, worked out once for a rig: `below` times the rotation at
-/// `place` plus `above` times the one after it.
+/// A node's share in the rotations of one bone, worked out once for a rig.
 struct BlendTerm {
-  int place = 0;
-  float below = 0.0f;
-  float above = 0.0f;
+  int turn = 0;  ///< of PoseRotations::turns()
+  float weight = 0.0f;
+  float along = 0.0f;  ///< where the node is on a twisting bone: 0 near end, 1 far end; 0 on an undivided one
 };
 
-/// Places of BlendTerm that belong to one bone: two alike for an undivided bone, or even steps of the twist
-/// from its near end to its far end.
-struct PlaceRange {
-  int joint = 0;  ///< they turn about
-  int first = 0;
-  int count = 0;
+/// The rotations of one bone in one pose. With a = half_twist (along - 1/2) the one at `along` is the unit
+/// quaternion x y z w
+///
+///     middle cos a + across sin a,
+///
+/// `across` being the middle one turned on by half a turn about the bone's axis; zero for undivided bones, as
+/// is half_twist.
+struct BoneTurn {
+  int joint = 0;  ///< it turns about
+  bool twists = false;
+  float half_twist = 0.0f;  ///< half the angle, radians, from the near end to the far end, within two pi
+  Eigen::Vector4f middle = {0.0f, 0.0f, 0.0f, 1.0f};
+  Eigen::Vector4f across = Eigen::Vector4f::Zero();
+
+  Eigen::Vector4f at(float along) const;
 };
+
+/// Places along a twisting bone whose rotations stand for the others where a blend must be linear in them,
+/// and the parabolas that are one at their knot and zero at the others.
+constexpr std::array<float, 3> kTwistKnots = {0.0f, 0.5f, 1.0f};
+template <typename Number>
+inline std::array<Number, 3> twist_parabolas(const Number& along) {
+  return {2.0f * (along - 0.5f) * (along - 1.0f), 4.0f * along * (1.0f - along),
+          2.0f * along * (along - 0.5f)};
+}
 
 /// What every field carries in one pose: a unit quaternion on a sign that is continuous in time, or,
 /// for the two halves of a twisting bone, all rotations between the near end's and the far end's.
@@ -45,57 +63,42 @@ class PoseRotations {
   /// every pose.
   void append_terms(const int* fields, const float* weights, int count, std::vector<BlendTerm>& terms) const;
 
-  /// The rotation of a node with these terms, a quaternion x y z w of any length from 1e-4 on.
-  Eigen::Vector4f blend_of_any_length(std::span<const BlendTerm> terms) const {
-    Eigen::Vector4f sum = Eigen::Vector4f::Zero();
-    for (const BlendTerm& term : terms)
-      sum += term.below * table_[term.place] + term.above * table_[term.place + 1];
-    constexpr float least = 1e-8f;  // opposite bones cancel: no mean exists, the strongest bone decides
-    if (sum.squaredNorm() < least) return table_[strongest_place(terms)];
-    return sum;
-  }
-  /// The same, unit to single precision like the weights.
-  Eigen::Quaternionf blend(std::span<const BlendTerm> terms) const {
-    return Eigen::Quaternionf(blend_of_any_length(terms).normalized());
-  }
+  /// The rotation of a node with these terms, a unit quaternion to single precision like the weights. Where
+  /// opposite bones cancel, to less than kLeastLength, no mean exists: the strongest bone decides.
+  Eigen::Quaternionf blend(std::span<const BlendTerm> terms) const;
+
+  static constexpr float kLeastLength = 1e-4f;
 
   /// The mean of the bones' scales with a node's weights.
   float blend_scale(const int* fields, const float* weights, int count) const;
 
-  /// The places, bone after bone, and the unit quaternion x y z w at each of them in the pose read.
-  std::span<const PlaceRange> ranges() const { return ranges_; }
-  std::span<const Eigen::Vector4f> table() const { return table_; }
+  /// Bone after bone, in the pose read.
+  std::span<const BoneTurn> turns() const { return turns_; }
 
-  /// The rotation at a place in the pose read.
-  Eigen::Matrix3d matrix_at(int place) const {
-    return Eigen::Quaternionf(table_[place]).cast<double>().normalized().toRotationMatrix();
+  /// The rotation of a bone at a place along its twist, in the pose read.
+  Eigen::Matrix3d matrix_at(int turn, float along) const {
+    return Eigen::Quaternionf(turns_[turn].at(along)).cast<double>().normalized().toRotationMatrix();
   }
 
   /// Whether every scale is one, so that blend_scale() need not be asked.
   bool rigid() const { return rigid_; }
 
  private:
+  /// Of a twisting bone.
   struct TwistSource {
-    int joint = 0;
+    int turn = 0;
     int parent = -1;
     int twisted_by = -1;
     Eigen::Vector3d axis;
-    int first_place = 0;
   };
 
-  static int strongest_place(std::span<const BlendTerm> terms);
   void read_twist(const Pose& pose, const TwistSource& source);
 
-  std::vector<int> joint_of_field_;
-  std::vector<int> place_of_field_;  ///< of its rotation; of the near end's where the bone twists
+  std::vector<int> turn_of_field_;
   std::vector<bool> far_end_of_field_;
-  std::vector<bool> twists_of_field_;
   std::vector<float> scale_of_field_;
   std::vector<TwistSource> twists_;
-  std::vector<PlaceRange> ranges_;
-  /// Quaternions x y z w: one for an undivided bone and its copy, or a twisting bone's at even steps of
-  /// its twist.
-  std::vector<Eigen::Vector4f> table_;
+  std::vector<BoneTurn> turns_;
   bool rigid_ = true;
 };
 

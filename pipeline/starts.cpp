@@ -52,6 +52,12 @@ const Subspace* foreseeing_subspace(const Rig& rig, Start start) {
   return there && (start == Start::subspace || start == Start::automatic) ? &*rig.subspace : nullptr;
 }
 
+std::vector<int> nodes_at(const FrameNodes& nodes, const std::vector<int>& slots) {
+  std::vector<int> result;
+  for (const int slot : slots) result.push_back(nodes.node_of_slot[slot]);
+  return result;
+}
+
 }  // namespace
 
 int solve_count(const FrameOptions& options) {
@@ -62,10 +68,10 @@ double error_allowed(const FrameOptions& options, int solve) {
   return 1 << std::min(solve_count(options) - 1 - solve, 2);
 }
 
-Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
-               ThreadTeam& team)
+Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotBlends& blends,
+               const PoseRotations& rotations, const FrameOptions& options, ThreadTeam& team)
     : nodes_(nodes),
-      terms_(terms),
+      blends_(blends),
       options_(options),
       skinning_(rig, nodes),
       subspace_(foreseeing_subspace(rig, options.start)),
@@ -75,7 +81,7 @@ Starts::Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, 
         for (int slot = 0; slot < nodes.free_count; slot += stride) slots.push_back(slot);
         return slots;
       }()),
-      sampled_terms_(terms, sampled_slots_),
+      sampled_blends_(rig.harmonics, nodes_at(nodes, sampled_slots_), rotations),
       histories_(solve_count(options)) {
   if (options_.start == Start::fischer) projection_.emplace(nodes, team);
   for (const int slot : sampled_slots_) sampled_rest_.push_back(nodes.records[slot].rest);
@@ -189,9 +195,10 @@ void Starts::foresee_samples(const Pose& pose, const PoseRotations& rotations) {
     return;
   }
   skinning_.read(pose, rotations, coordinates);
-  for (std::size_t sample = 0; sample < sampled_slots_.size(); ++sample) {
-    foreseen[sample] =
-        SkinningBase::at(sampled_terms_.of(static_cast<int>(sample)), sampled_rest_[sample], coordinates);
+  const int samples = static_cast<int>(sampled_slots_.size());
+  for (int first = 0; first < samples; first += kFitLanes) {
+    skinning_.evaluate(sampled_blends_, first / kFitLanes, std::min(kFitLanes, samples - first),
+                       &sampled_rest_[first], coordinates, &foreseen[first]);
   }
 }
 
@@ -219,9 +226,11 @@ void Starts::begin_first(int first, int end) {
     if (choice_.foreseeing && subspace_ != nullptr) {
       subspace_->evaluate(begin / Subspace::kBlock, unforeseen_, steps.data());
     } else if (choice_.foreseeing) {
-      for (int row = 0; row < count; ++row) {
-        const int slot = begin + row;
-        steps[row] = SkinningBase::at(terms_.of(slot), nodes_.records[slot].rest, unforeseen_);
+      for (int row = 0; row < count; row += kFitLanes) {
+        const int lanes = std::min(kFitLanes, count - row);
+        std::array<Eigen::Vector4f, kFitLanes> rests;
+        for (int lane = 0; lane < lanes; ++lane) rests[lane] = nodes_.records[begin + row + lane].rest;
+        skinning_.evaluate(blends_, (begin + row) / kFitLanes, lanes, rests.data(), unforeseen_, &steps[row]);
       }
     }
     for (int row = 0; row < count; ++row) now()[begin + row] = mixed(begin + row, steps[row]);

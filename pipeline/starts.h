@@ -34,8 +34,8 @@ double error_allowed(const FrameOptions& options, int solve);
 /// done best one frame ago.
 class Starts {
  public:
-  Starts(const Rig& rig, const FrameNodes& nodes, const SlotTerms& terms, const FrameOptions& options,
-         ThreadTeam& team);
+  Starts(const Rig& rig, const FrameNodes& nodes, const SlotBlends& blends, const PoseRotations& rotations,
+         const FrameOptions& options, ThreadTeam& team);
 
   void forget();
 
@@ -128,13 +128,13 @@ class Starts {
   void foresee_samples(const Pose& pose, const PoseRotations& rotations);
 
   const FrameNodes& nodes_;
-  const SlotTerms& terms_;
+  const SlotBlends& blends_;
   const FrameOptions options_;
   SkinningBase skinning_;
   const Subspace* subspace_;  // null: skinning foresees
   std::optional<Projection> projection_;
   std::vector<int> sampled_slots_;
-  SlotTerms sampled_terms_;
+  SlotBlends sampled_blends_;
   SlotRows sampled_rest_;
   std::optional<Subspace> sampled_subspace_;
   std::vector<History> histories_;                        // per solve of a frame

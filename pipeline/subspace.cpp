@@ -35,14 +35,6 @@ constexpr double kOnAxis = 1e-7;
 /// Nodes per block of parallel work.
 constexpr int kNodesAtOnce = 2048;
 
-/// Places of a twisting bone's matrices, as shares of its twist.
-constexpr std::array<double, 3> kKnots = {0.0, 0.5, 1.0};
-
-/// The parabolas that are one at their knot and zero at the others.
-std::array<double, 3> parabolas(double t) {
-  return {2.0 * (t - 0.5) * (t - 1.0), 4.0 * t * (1.0 - t), 2.0 * t * (t - 0.5)};
-}
-
 /// Vertices next to each other in the solver's order first, then those that are not solved for.
 std::vector<int> surface_in_order(const Rig& rig) {
   std::vector<int> nodes;
@@ -100,24 +92,16 @@ class Subspace::Builder {
     int column = 0;  ///< a matrix, or a mode
     double value = 0.0;
   };
-  struct BonePlaces {
-    PlaceRange range;
-    int matrix = 0;  ///< the first of the bone's
-  };
-
-  static bool twists(const PlaceRange& range) { return range.count > 2; }
-
   Eigen::Vector3d rest(int node) const { return rig_.volume.rest_positions.row(node).transpose(); }
 
   void choose_matrices() {
     matrix_of_joint_.assign(rig_.skeleton.joint_count(), -1);
-    for (const PlaceRange& range : rotations_.ranges()) {
-      bone_of_place_.resize(range.first + range.count, {range, static_cast<int>(subspace_.matrices_.size())});
-      matrix_of_joint_[range.joint] = bone_of_place_.back().matrix;
-      for (std::size_t knot = 0; knot < (twists(range) ? kKnots.size() : 1); ++knot) {
-        const int step = static_cast<int>(std::lround(kKnots[knot] * (range.count - 1)));
-        subspace_.matrices_.push_back({range.joint, range.first + step});
-      }
+    for (const BoneTurn& turn : rotations_.turns()) {
+      const int index = static_cast<int>(matrix_of_turn_.size());
+      matrix_of_turn_.push_back(static_cast<int>(subspace_.matrices_.size()));
+      matrix_of_joint_[turn.joint] = matrix_of_turn_.back();
+      for (std::size_t knot = 0; knot < (turn.twists ? kTwistKnots.size() : 1); ++knot)
+        subspace_.matrices_.push_back({turn.joint, index, kTwistKnots[knot]});
     }
     axis_of_joint_.assign(rig_.skeleton.joint_count(), Eigen::Vector3d::Zero());
     for (const Bone& bone : rig_.binding.bones) {
@@ -134,7 +118,7 @@ class Subspace::Builder {
     if (axis.isZero(0.0) || !off_axis) return matrix_of_joint_[joint];
     if (own_matrix_[joint] < 0) {
       own_matrix_[joint] = static_cast<int>(subspace_.matrices_.size());
-      subspace_.matrices_.push_back({joint, -1});
+      subspace_.matrices_.push_back({joint});
     }
     return own_matrix_[joint];
   }
@@ -155,15 +139,14 @@ class Subspace::Builder {
   }
 
   void share_term(const BlendTerm& term) {
-    const auto& [range, matrix] = bone_of_place_[term.place];
-    const double share = static_cast<double>(term.below) + static_cast<double>(term.above);
-    if (!twists(range)) {
+    const int matrix = matrix_of_turn_[term.turn];
+    const double share = static_cast<double>(term.weight);
+    if (!rotations_.turns()[term.turn].twists) {
       shares_.push_back({matrix, share});
       return;
     }
-    const double t = (term.place - range.first + term.above / share) / (range.count - 1);
-    const std::array<double, 3> at_knots = parabolas(t);
-    for (std::size_t knot = 0; knot < kKnots.size(); ++knot) {
+    const std::array<double, 3> at_knots = twist_parabolas(static_cast<double>(term.along));
+    for (std::size_t knot = 0; knot < kTwistKnots.size(); ++knot) {
       shares_.push_back({matrix + static_cast<int>(knot), share * at_knots[knot]});
     }
   }
@@ -302,8 +285,8 @@ class Subspace::Builder {
   PoseRotations rotations_;
 
   std::vector<int> held_of_node_;  // -1 where free
-  std::vector<BonePlaces> bone_of_place_;
-  std::vector<int> matrix_of_joint_;            // the first of its bone, -1: none
+  std::vector<int> matrix_of_turn_;             // the first of its bone
+  std::vector<int> matrix_of_joint_;            // likewise; -1: none
   std::vector<int> own_matrix_;                 // per joint; -1: none
   std::vector<Eigen::Vector3d> axis_of_joint_;  // zero: does not twist
   std::vector<int> share_offsets_;              // per node
@@ -361,8 +344,8 @@ void Subspace::read(const Pose& pose, const PoseRotations& rotations, Eigen::Vec
   Eigen::Map<Eigen::Matrix3Xf> columns(coordinates.data(), 3, mode_count());
   int mode = 0;
   for (const Matrix& matrix : matrices_) {
-    const Eigen::Matrix3d turn = matrix.place < 0 ? pose.rotations[matrix.joint].toRotationMatrix()
-                                                  : rotations.matrix_at(matrix.place);
+    const Eigen::Matrix3d turn = matrix.turn < 0 ? pose.rotations[matrix.joint].toRotationMatrix()
+                                                 : rotations.matrix_at(matrix.turn, matrix.along);
     columns.middleCols<kPerMatrix>(mode) = (pose.scales[matrix.joint] * turn).cast<float>();
     mode += kPerMatrix;
   }

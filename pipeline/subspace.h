@@ -77,10 +77,11 @@ class Subspace {
  private:
   static constexpr int kPerMatrix = 3;
 
-  /// One of the matrices R: at a place of PoseRotations, or a joint's own, twist and all.
+  /// One of the matrices R: of a turn of PoseRotations, or a joint's own, twist and all.
   struct Matrix {
     int joint = 0;
-    int place = -1;  ///< -1: the joint's own
+    int turn = -1;  ///< -1: the joint's own
+    float along = 0.0f;
   };
   /// A mode's numbers in one block.
   struct alignas(64) Values {

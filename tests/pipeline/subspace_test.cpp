@@ -137,20 +137,16 @@ TEST(Subspace, interpolates_the_twist_of_a_bone_by_a_parabola) {
     rotations.append_terms(&rig.harmonics.fields[begin], &rig.harmonics.weights[begin],
                            rig.harmonics.offsets[node + 1] - begin, terms);
     for (const BlendTerm& term : terms) {
-      for (const PlaceRange& range : rotations.ranges()) {
-        if (term.place < range.first || term.place >= range.first + range.count) continue;
-        const double share = term.below + term.above;
-        if (range.count == 2) {
-          blends[node] += share * rotations.matrix_at(range.first);
-          continue;
-        }
-        ++twisted;
-        const int last = range.count - 1;
-        const double t = (term.place - range.first + term.above / share) / last;
-        blends[node] += share * ((1 - t) * (1 - 2 * t) * rotations.matrix_at(range.first) +
-                                 4 * t * (1 - t) * rotations.matrix_at(range.first + last / 2) +
-                                 t * (2 * t - 1) * rotations.matrix_at(range.first + last));
+      const double share = term.weight;
+      if (!rotations.turns()[term.turn].twists) {
+        blends[node] += share * rotations.matrix_at(term.turn, 0.0f);
+        continue;
       }
+      ++twisted;
+      const double t = term.along;
+      blends[node] += share * ((1 - t) * (1 - 2 * t) * rotations.matrix_at(term.turn, 0.0f) +
+                               4 * t * (1 - t) * rotations.matrix_at(term.turn, 0.5f) +
+                               t * (2 * t - 1) * rotations.matrix_at(term.turn, 1.0f));
     }
   }
   EXPECT_GT(twisted, 0);

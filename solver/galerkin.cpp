@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <span>
 #include <utility>
 
 #include "solver/lattice_coarsening.h"
@@ -17,14 +18,11 @@ constexpr int kCorners = 8;
 /// beginning, so it should be long against a front of coarse nodes.
 constexpr int kFewestSlabRows = 256;
 
-/// Columns of a row are listed in order by marking them in a map of bits while that is no longer than so many
-/// words a column, and by sorting them where they lie farther apart.
-constexpr int kWordsPerColumn = 4;
 constexpr int kWord = 64;
 
 // Rows come out the same however they are cut, so the cut may look at the team.
 int slab_count(int rows, const ThreadTeam& team) {
-  return std::clamp(rows / kFewestSlabRows, 1, team.thread_count() == 1 ? 1 : 2 * team.thread_count());
+  return std::clamp(rows / kFewestSlabRows, 1, team.thread_count() == 1 ? 1 : team.thread_count());
 }
 
 using Eight = Lanes<kCorners>;
@@ -45,23 +43,27 @@ struct Block {
 };
 
 struct FineNodes {
-  LargeVector<int> piece;      // by fine node
-  LargeVector<float> weights;  // kCorners a node
+  struct Place {
+    int piece = 0;
+    int entry = 0;  // of PieceTransfer::nodes
+  };
 
-  const float* weights_of(int node) const { return &weights[kCorners * static_cast<std::size_t>(node)]; }
+  LargeVector<Place> places;   // by fine node
+  LargeVector<float> weights;  // kCorners an entry: those of a piece lie side by side
+
+  const float* weights_of(int entry) const { return &weights[kCorners * static_cast<std::size_t>(entry)]; }
 };
 
 FineNodes by_fine_node(const PieceTransfer& transfer, ThreadTeam& team) {
   constexpr int fewest_pieces = 512;
   FineNodes fine;
-  fine.piece.resize(transfer.nodes.size());
+  fine.places.resize(transfer.nodes.size());
   fine.weights.resize(kCorners * transfer.nodes.size());
   for_items(team, transfer.piece_count(), fewest_pieces, [&](int p) {
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
-      const auto node = static_cast<std::size_t>(transfer.nodes[entry]);
-      fine.piece[node] = p;
+      fine.places[transfer.nodes[entry]] = {p, entry};
       trilinear_weights(&transfer.places[3 * static_cast<std::size_t>(entry)],
-                        &fine.weights[kCorners * node]);
+                        &fine.weights[kCorners * static_cast<std::size_t>(entry)]);
     }
   });
   return fine;
@@ -78,6 +80,8 @@ class LocalNumbers {
     }
     return local_[global];
   }
+  // By global number; -1 for those not met.
+  const int* table() const { return local_.data(); }
   const std::vector<int>& met() const { return met_; }
   void clear() {
     for (int global : met_) local_[global] = -1;
@@ -89,10 +93,60 @@ class LocalNumbers {
   std::vector<int> met_;
 };
 
+// Some of the coarse nodes kWord * number and those behind it.
+struct WordOfColumns {
+  int number = 0;
+  std::uint64_t bits = 0;
+};
+
 // What one piece contributes to the coarse rows of its eight corners.
 struct PieceRows {
-  std::vector<int> columns;    // coarse nodes
-  std::vector<double> values;  // kCorners x columns, row after row
+  std::vector<int> columns;          // coarse nodes
+  std::vector<WordOfColumns> words;  // the same
+  std::vector<double> values;        // kCorners x columns, row after row
+};
+
+// A set of coarse nodes that is cheap to unite with others and to list in order.
+class ColumnSet {
+ public:
+  explicit ColumnSet(int count) : bits_(static_cast<std::size_t>(count) / kWord + 1, 0) {}
+
+  void add(const WordOfColumns& word) {
+    if (bits_[word.number] == 0) met_.push_back(word.number);
+    bits_[word.number] |= word.bits;
+  }
+  void add(int column) { add({column / kWord, std::uint64_t{1} << (column % kWord)}); }
+
+  // All of it, ascending, as words. Leaves it empty.
+  void take(std::vector<WordOfColumns>& words) {
+    std::sort(met_.begin(), met_.end());
+    words.clear();
+    for (const int number : met_) words.push_back({number, std::exchange(bits_[number], 0)});
+    met_.clear();
+  }
+
+  // All of it, ascending. Leaves it empty. Most words have a few bits: so many are written without asking,
+  // and those behind the last are overwritten.
+  std::span<const int> take() {
+    constexpr int unasked = 4;
+    std::sort(met_.begin(), met_.end());
+    listed_.resize(std::max(listed_.size(), kWord * met_.size() + unasked));
+    int* next = listed_.data();
+    for (const int number : met_) {
+      std::uint64_t left = std::exchange(bits_[number], 0);
+      int* const end = next + std::popcount(left);
+      for (int k = 0; k < unasked; ++k, left &= left - 1) next[k] = kWord * number + std::countr_zero(left);
+      for (next += unasked; next < end; left &= left - 1) *next++ = kWord * number + std::countr_zero(left);
+      next = end;
+    }
+    met_.clear();
+    return {listed_.data(), next};
+  }
+
+ private:
+  std::vector<std::uint64_t> bits_;
+  std::vector<int> met_;  // words that are not zero
+  std::vector<int> listed_;
 };
 
 // Makes rows one after the other. What a piece gives to its rows is made when the first of them asks for it,
@@ -106,9 +160,9 @@ class Slab {
         near_(transfer.piece_count()),
         columns_(transfer.coarse_count + 1),
         place_of_piece_(static_cast<std::size_t>(transfer.piece_count()), -1),
-        sums_(static_cast<std::size_t>(transfer.coarse_count) + 1),
-        row_of_sum_(sums_.size(), -1),
-        marks_(sums_.size() / kWord + 1, 0) {}
+        sums_(static_cast<std::size_t>(transfer.coarse_count), 0.0),
+        piece_columns_(transfer.coarse_count),
+        row_columns_(transfer.coarse_count) {}
 
   // Rows [begin, end) of the product, with offsets counted from this slab's first entry.
   LevelMatrix rows(int begin, int end) {
@@ -118,76 +172,92 @@ class Slab {
   }
 
  private:
-  // The pieces that the nodes of one piece are joined to, numbered from 0, that of every link, and the local
-  // columns of their corners.
-  void meet_pieces(int piece) {
-    const int begin = transfer_.piece_offsets[piece], end = transfer_.piece_offsets[piece + 1];
-    std::size_t links = 0;
-    for (int entry = begin; entry < end; ++entry)
-      links += A_.offsets[transfer_.nodes[entry] + 1] - A_.offsets[transfer_.nodes[entry]];
-    near_of_link_.resize(links);
-    int* near_of_link = near_of_link_.data();
-    near_.clear();
-    near_(piece);
-    for (int entry = begin; entry < end; ++entry) {
-      const int node = transfer_.nodes[entry], links_end = A_.offsets[node + 1];
-      for (int k = A_.offsets[node]; k < links_end; ++k)
-        *near_of_link++ = near_(fine_.piece[A_.neighbors[k]]);
-    }
-    columns_.clear();
-    near_columns_.clear();
-    for (int met : near_.met())
-      for (int k = 0; k < kCorners; ++k)
-        near_columns_.push_back(columns_(transfer_.corners[static_cast<std::size_t>(kCorners) * met + k]));
+  // Numbers a piece among those that the piece in hand is joined to.
+  int meet(int piece) {
+    const int near = near_(piece);
     near_sums_.resize(near_.met().size());
-    near_touched_.assign(near_.met().size(), 0);
-    blocks_.assign(near_.met().size(), {});
+    blocks_.resize(near_.met().size());
+    touched_.resize(near_.met().size() / kWord + 1, 0);
+    return near;
   }
 
-  void add_weights(int node, int near, double factor) {
-    if (!near_touched_[near]) {
-      near_touched_[near] = 1;
-      touched_.push_back(near);
-      near_sums_[near] = {};
+  // One fine node's row of A P, by near piece. All pointers are read once: what is written here might be any
+  // number, as far as the compiler knows.
+  void sum_neighbors(int node, const float* own_weights) {
+    const int *const near_of_piece = near_.table(), *const neighbors = A_.neighbors.data();
+    const FineNodes::Place* const places = fine_.places.data();
+    const float *const weights = fine_.weights.data(), *const factors =
+                                                           A_.weights.empty() ? nullptr : A_.weights.data();
+    const double uniform = A_.uniform_weight;
+    EightSums* sums = near_sums_.data();
+    std::uint64_t* touched = touched_.data();
+    sums[0].add(A_.diagonal[node], own_weights);
+    touched[0] |= 1;
+    const int end = A_.offsets[node + 1];
+    for (int k = A_.offsets[node]; k < end; ++k) {
+      const FineNodes::Place place = places[neighbors[k]];
+      int near = near_of_piece[place.piece];
+      if (near < 0) {
+        near = meet(place.piece);
+        sums = near_sums_.data();
+        touched = touched_.data();
+      }
+      touched[static_cast<unsigned>(near) / kWord] |= std::uint64_t{1} << (near & (kWord - 1));
+      sums[near].add(factors != nullptr ? -static_cast<double>(factors[k]) : -uniform,
+                     weights + static_cast<std::size_t>(kCorners) * place.entry);
     }
-    near_sums_[near].add(factor, fine_.weights_of(node));
   }
 
-  // Row of A P at one fine node, times its weights: one block of eight by eight per piece it is joined to.
-  // `near`: of the node's links.
-  void add_node(int node, const int* near) {
-    touched_.clear();
-    add_weights(node, 0, A_.diagonal[node]);
-    for (int k = A_.offsets[node]; k < A_.offsets[node + 1]; ++k)
-      add_weights(A_.neighbors[k], *near++, -A_.weight(k));
-    const auto weights = converted<double, kCorners>(loaded<Eight::Float>(fine_.weights_of(node)));
-    for (int touched : touched_) {
-      const Eight::Double sums = near_sums_[touched].value;
-      Block& block = blocks_[touched];
-      for (int corner = 0; corner < kCorners; ++corner) block.columns[corner] += sums[corner] * weights;
-      near_touched_[touched] = 0;
+  // That row, times the node's weights: one block of eight by eight per piece it is joined to.
+  void add_node(int entry) {
+    const float* const own_weights = fine_.weights_of(entry);
+    sum_neighbors(transfer_.nodes[entry], own_weights);
+    const auto weights = converted<double, kCorners>(loaded<Eight::Float>(own_weights));
+    EightSums* const sums = near_sums_.data();
+    Block* const blocks = blocks_.data();
+    for (std::size_t word = 0; word < touched_.size(); ++word) {
+      for (std::uint64_t left = std::exchange(touched_[word], 0); left != 0; left &= left - 1) {
+        const std::size_t near = kWord * word + static_cast<std::size_t>(std::countr_zero(left));
+        const Eight::Double own = std::exchange(sums[near], {}).value;
+        for (int corner = 0; corner < kCorners; ++corner)
+          blocks[near].columns[corner] += own[corner] * weights;
+      }
     }
   }
 
   // The rows of P^T (A P) that the nodes of one piece give to its eight corners.
   void fill_piece(int piece, PieceRows& out) {
-    meet_pieces(piece);
-    const int* near = near_of_link_.data();
-    for (int entry = transfer_.piece_offsets[piece]; entry < transfer_.piece_offsets[piece + 1]; ++entry) {
-      const int node = transfer_.nodes[entry];
-      add_node(node, near);
-      near += A_.offsets[node + 1] - A_.offsets[node];
+    meet(piece);
+    for (int entry = transfer_.piece_offsets[piece]; entry < transfer_.piece_offsets[piece + 1]; ++entry)
+      add_node(entry);
+    merged_.clear();
+    for (std::size_t near = 0; near < near_.met().size(); ++near) {
+      const int* const corners = &transfer_.corners[static_cast<std::size_t>(kCorners) * near_.met()[near]];
+      for (int corner = 0; corner < kCorners; ++corner) {
+        const auto column = static_cast<std::size_t>(columns_(corners[corner]));
+        if (column == merged_.size()) merged_.emplace_back();
+        merged_[column].value += blocks_[near].columns[corner];
+      }
     }
+    write_rows(out);
+    columns_.clear();
+    near_.clear();
+    near_sums_.clear();
+    blocks_.clear();
+  }
+
+  void write_rows(PieceRows& out) {
     out.columns = columns_.met();
     const std::size_t width = out.columns.size();
-    merged_.assign(width, {});
-    for (std::size_t k = 0; k < near_columns_.size(); ++k)
-      merged_[near_columns_[k]].value += blocks_[k / kCorners].columns[k % kCorners];
     out.values.resize(kCorners * width);
-    for (std::size_t column = 0; column < width; ++column)
+    for (std::size_t column = 0; column < width; ++column) {
       for (int corner = 0; corner < kCorners; ++corner)
         out.values[corner * width + column] = merged_[column].value[corner];
-    columns_.clear();
+    }
+    // Nothing is read of a corner that is none: its weights are zero.
+    for (int& column : out.columns) column = std::min(column, transfer_.coarse_count - 1);
+    for (const int column : out.columns) piece_columns_.add(column);
+    piece_columns_.take(out.words);
   }
 
   const PieceRows& rows_of(int piece) {
@@ -216,77 +286,57 @@ class Slab {
   }
 
   void append_row(int row, LevelMatrix& result) {
-    row_columns_.clear();
-    for (int use = transfer_.use_offsets[row]; use < transfer_.use_offsets[row + 1]; ++use) {
-      const int piece = transfer_.uses[use] / kCorners;
-      add_piece_row(row, rows_of(piece), transfer_.uses[use] % kCorners);
-    }
+    for (int use = transfer_.use_offsets[row]; use < transfer_.use_offsets[row + 1]; ++use)
+      add_piece_row(rows_of(transfer_.uses[use] / kCorners), transfer_.uses[use] % kCorners);
     for (int use = transfer_.use_offsets[row]; use < transfer_.use_offsets[row + 1]; ++use)
       leave(transfer_.uses[use] / kCorners, row);
-    sort_columns();
-    for (int column : row_columns_) {
-      const auto value = static_cast<float>(sums_[column]);
-      if (column == transfer_.coarse_count) continue;
-      if (column == row) {
-        result.diagonal.push_back(value);
-      } else if (value != 0) {
-        result.neighbors.push_back(column);
-        result.weights.push_back(-value);
-      }
+    const std::span<const int> columns = row_columns_.take();
+    const std::size_t before = result.neighbors.size();
+    result.neighbors.resize(before + columns.size());
+    result.weights.resize(before + columns.size());
+    int* neighbor = result.neighbors.data() + before;
+    float* weight = result.weights.data() + before;
+    float diagonal = 0.0f;
+    for (const int column : columns) {
+      const auto value = static_cast<float>(std::exchange(sums_[column], 0.0));
+      *neighbor = column;
+      *weight = -value;
+      const bool other = column != row && value != 0.0f;
+      neighbor += other ? 1 : 0;
+      weight += other ? 1 : 0;
+      diagonal = column == row ? value : diagonal;
     }
-    result.offsets.push_back(static_cast<int>(result.neighbors.size()));
+    const auto end = static_cast<std::size_t>(neighbor - result.neighbors.data());
+    result.neighbors.resize(end);
+    result.weights.resize(end);
+    result.diagonal.push_back(diagonal);
+    result.offsets.push_back(static_cast<int>(end));
   }
 
-  void add_piece_row(int row, const PieceRows& rows, int corner) {
+  void add_piece_row(const PieceRows& rows, int corner) {
     const std::size_t width = rows.columns.size();
-    const double* values = &rows.values[corner * width];
-    for (std::size_t k = 0; k < width; ++k) {
-      const int column = rows.columns[k];
-      if (row_of_sum_[column] != row) {
-        row_of_sum_[column] = row;
-        row_columns_.push_back(column);
-        sums_[column] = values[k];
-      } else {
-        sums_[column] += values[k];
-      }
-    }
-  }
-
-  void sort_columns() {
-    const auto [least, most] = std::minmax_element(row_columns_.begin(), row_columns_.end());
-    const int first = *least / kWord, last = *most / kWord;
-    if (last - first > kWordsPerColumn * static_cast<int>(row_columns_.size())) {
-      std::sort(row_columns_.begin(), row_columns_.end());
-      return;
-    }
-    for (int column : row_columns_) marks_[column / kWord] |= std::uint64_t{1} << (column % kWord);
-    int* next = row_columns_.data();
-    for (int word = first; word <= last; ++word) {
-      for (std::uint64_t left = marks_[word]; left != 0; left &= left - 1)
-        *next++ = kWord * word + std::countr_zero(left);
-      marks_[word] = 0;
-    }
+    const double* const values = &rows.values[corner * width];
+    const int* const columns = rows.columns.data();
+    double* const sums = sums_.data();
+    for (std::size_t k = 0; k < width; ++k) sums[columns[k]] += values[k];
+    for (const WordOfColumns& word : rows.words) row_columns_.add(word);
   }
 
   const LevelMatrix& A_;
   const PieceTransfer& transfer_;
   const FineNodes& fine_;
-  LocalNumbers near_;     // pieces that one piece is joined to
-  LocalNumbers columns_;  // coarse nodes
-  std::vector<int> near_of_link_;
-  std::vector<int> near_columns_;     // kCorners a near piece
-  std::vector<Block> blocks_;         // by near piece
-  std::vector<EightSums> near_sums_;  // by near piece: what the current fine node reads of its corners
-  std::vector<char> near_touched_;
-  std::vector<int> touched_;
-  std::vector<EightSums> merged_;  // by column: a number by own corner
+  LocalNumbers near_;                   // pieces that one piece is joined to
+  LocalNumbers columns_;                // coarse nodes
+  std::vector<EightSums> near_sums_;    // by near piece: what the current fine node reads of its corners
+  std::vector<std::uint64_t> touched_;  // near pieces whose sums are not zero
+  std::vector<Block> blocks_;           // by near piece
+  std::vector<EightSums> merged_;       // by column: a number by own corner
   std::vector<PieceRows> piece_rows_;
   std::vector<int> place_of_piece_;  // in piece_rows_
   std::vector<int> free_places_;
-  std::vector<double> sums_;  // by coarse node, of the row it was last met in
-  std::vector<int> row_of_sum_;
-  std::vector<int> row_columns_;
-  std::vector<std::uint64_t> marks_;  // a bit by coarse node, none set between rows
+  std::vector<double> sums_;  // by coarse node, zero between rows
+  ColumnSet piece_columns_;   // empty between pieces
+  ColumnSet row_columns_;     // empty between rows
 };
 
 void append(const LevelMatrix& part, LevelMatrix& whole) {

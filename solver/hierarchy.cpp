@@ -1,6 +1,7 @@
 #include "solver/hierarchy.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <iomanip>
 #include <ostream>
@@ -36,9 +37,8 @@ LevelMatrix level_matrix(const LinearSystem& system, ThreadTeam& team) {
   matrix.offsets.assign(graph.offsets.begin(), graph.offsets.end());
   matrix.neighbors.assign(graph.neighbors.begin(), graph.neighbors.end());
   // finish_level would drop equal weights, but only after they were copied.
-  if (!graph.weights.empty() && std::all_of(graph.weights.begin(), graph.weights.end(),
-                                            [&](double w) { return w == graph.weights.front(); }))
-    matrix.uniform_weight = static_cast<float>(graph.weights.front());
+  if (has_one_weight(graph, team))
+    matrix.uniform_weight = graph.weights.empty() ? 0.0f : static_cast<float>(graph.weights.front());
   else
     matrix.weights.assign(graph.weights.begin(), graph.weights.end());
   const int n = graph.node_count();
@@ -127,6 +127,16 @@ void check_options(const LinearSystem& system, const HierarchyOptions& options) 
 }
 
 }  // namespace
+
+bool has_one_weight(const Graph& graph, ThreadTeam& team) {
+  constexpr int fewest_weights = 1 << 16;
+  std::atomic<bool> equal = true;
+  for_runs(team, static_cast<int>(graph.weights.size()), fewest_weights, [&](int begin, int end) {
+    const auto alike = [&](double weight) { return weight == graph.weights.front(); };
+    if (!std::all_of(graph.weights.begin() + begin, graph.weights.begin() + end, alike)) equal = false;
+  });
+  return equal;
+}
 
 std::size_t LevelMatrix::bytes() const {
   return bytes_of(offsets) + bytes_of(neighbors) + bytes_of(weights) + bytes_of(diagonal) +

@@ -106,6 +106,9 @@ struct Hierarchy::Members {
   std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
 };
 
+/// Whether a graph has one weight for all of its edges.
+bool has_one_weight(const Graph& graph, ThreadTeam& team);
+
 template <typename Vector>
 std::size_t bytes_of(const Vector& values) {
   return values.capacity() * sizeof(typename Vector::value_type);

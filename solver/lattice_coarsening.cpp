@@ -30,7 +30,8 @@ int corner_offset(int corner, int axis) {
   return corner >> axis & 1;
 }
 
-// Disjoint sets over 0 .. n-1; the smallest member stands for its set.
+// Disjoint sets over 0 .. n-1; the smallest member stands for its set. Threads may work on members of their
+// own.
 class DisjointSets {
  public:
   explicit DisjointSets(int n) : parent_(static_cast<std::size_t>(n)) {
@@ -40,17 +41,17 @@ class DisjointSets {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   }
-  void unite(int i, int j) {
+  /// Gives what stands for both.
+  int unite(int i, int j) {
     i = find(i);
     j = find(j);
-    if (i < j)
-      parent_[j] = i;
-    else
-      parent_[i] = j;
+    const int least = std::min(i, j);
+    parent_[i] = parent_[j] = least;
+    return least;
   }
 
  private:
-  std::vector<int> parent_;
+  LargeVector<int> parent_;
 };
 
 struct Pieces {
@@ -60,29 +61,21 @@ struct Pieces {
 
 using Joints = std::vector<std::array<int, 2>>;
 
-// Floods what nodes [begin, end) hold of each cell's part of the graph: every node's root becomes the lowest
-// node it was reached from. Gives the edges by which parts hang together with those of lower nodes.
-Joints flood_some(const LevelMatrix& matrix, const LargeVector<CellKey>& key_of_node, int begin, int end,
-                  LargeVector<int>& root) {
+// Unites what nodes [begin, end) hold of each cell's part of the graph. Gives the edges by which parts hang
+// together with those of lower nodes.
+Joints unite_some(const LevelMatrix& matrix, const LargeVector<CellKey>& key_of_node, int begin, int end,
+                  DisjointSets& parts) {
   Joints joints;
-  std::vector<int> front;
-  for (int start = begin; start < end; ++start) {
-    if (root[start] >= 0) continue;
-    root[start] = start;
-    front.assign(1, start);
-    while (!front.empty()) {
-      const int node = front.back();
-      front.pop_back();
-      for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
-        const int neighbor = matrix.neighbors[k];
-        if (neighbor >= end || key_of_node[neighbor] != key_of_node[start]) continue;
-        if (neighbor < begin) {
-          joints.push_back({node, neighbor});
-        } else if (root[neighbor] < 0) {
-          root[neighbor] = start;
-          front.push_back(neighbor);
-        }
-      }
+  for (int node = begin; node < end; ++node) {
+    int lowest = node;
+    // Neighbors ascend, and the later ones look back at this node themselves.
+    for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1] && matrix.neighbors[k] < node; ++k) {
+      const int neighbor = matrix.neighbors[k];
+      if (key_of_node[neighbor] != key_of_node[node]) continue;
+      if (neighbor < begin)
+        joints.push_back({node, neighbor});
+      else if (parts.find(neighbor) != lowest)
+        lowest = parts.unite(neighbor, lowest);
     }
   }
   return joints;
@@ -90,29 +83,22 @@ Joints flood_some(const LevelMatrix& matrix, const LargeVector<CellKey>& key_of_
 
 // The parts of cells that hang together, numbered by their lowest node. However the nodes are shared out
 // they are the same, so the shares may look at the team.
-Pieces flood_cells(const LevelMatrix& matrix, const LargeVector<Cell>& cell_of_node,
-                   const LargeVector<CellKey>& key_of_node, ThreadTeam& team) {
+Pieces pieces_of_cells(const LevelMatrix& matrix, const LargeVector<Cell>& cell_of_node,
+                       const LargeVector<CellKey>& key_of_node, ThreadTeam& team) {
   const int n = matrix.size();
   const int shares = std::min(team.thread_count(), even_block_count(n, kItemsPerBlock));
-  LargeVector<int> root(static_cast<std::size_t>(n), -1);
+  DisjointSets parts(n);
   std::vector<Joints> joints(static_cast<std::size_t>(shares));
   team.for_each_block(shares, [&](int share) {
-    joints[share] = flood_some(matrix, key_of_node, even_block_begin(n, shares, share),
-                               even_block_begin(n, shares, share + 1), root);
+    joints[share] = unite_some(matrix, key_of_node, even_block_begin(n, shares, share),
+                               even_block_begin(n, shares, share + 1), parts);
   });
-  const auto find = [&](int node) {
-    while (root[node] != node) node = root[node];
-    return node;
-  };
   for (const Joints& some : joints)
-    for (const auto& [node, neighbor] : some) {
-      const int a = find(node), b = find(neighbor);
-      root[std::max(a, b)] = std::min(a, b);
-    }
+    for (const auto& [node, neighbor] : some) parts.unite(node, neighbor);
   Pieces pieces;
   pieces.of_node.resize(static_cast<std::size_t>(n));
   for (int node = 0; node < n; ++node) {
-    const int lowest = find(node);
+    const int lowest = parts.find(node);
     if (lowest == node) {
       pieces.of_node[node] = static_cast<int>(pieces.cells.size());
       pieces.cells.push_back(cell_of_node[node]);
@@ -146,7 +132,8 @@ void unite_corners(int p, int q, const Cell& cell_p, const Cell& cell_q, Disjoin
   }
 }
 
-// Pairs of pieces [begin, end) with later ones that edges join.
+// Pairs of pieces that edges join: those of which [begin, end) hold the later node. Some come twice, from
+// both sides.
 Joints joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const PieceTransfer& transfer,
                      int begin, int end) {
   Joints joints;
@@ -154,9 +141,9 @@ Joints joined_pieces(const LevelMatrix& matrix, const Pieces& pieces, const Piec
   for (int p = begin; p < end; ++p)
     for (int entry = transfer.piece_offsets[p]; entry < transfer.piece_offsets[p + 1]; ++entry) {
       const int node = transfer.nodes[entry];
-      for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1]; ++k) {
+      for (int k = matrix.offsets[node]; k < matrix.offsets[node + 1] && matrix.neighbors[k] < node; ++k) {
         const int q = pieces.of_node[matrix.neighbors[k]];
-        if (q <= p || last_seen_from[q] == p) continue;
+        if (q == p || last_seen_from[q] == p) continue;
         last_seen_from[q] = p;
         joints.push_back({p, q});
       }
@@ -333,7 +320,7 @@ PieceCoarsening coarsen_by_lattice(const LevelMatrix& matrix, const Field3& posi
       cell_of_node[i][axis] = static_cast<int>((positions(i, axis) - origin[axis]) / cell);
     key_of_node[i] = key_of(cell_of_node[i]);
   });
-  const Pieces pieces = flood_cells(matrix, cell_of_node, key_of_node, team);
+  const Pieces pieces = pieces_of_cells(matrix, cell_of_node, key_of_node, team);
 
   PieceCoarsening result;
   PieceTransfer& transfer = result.transfer;

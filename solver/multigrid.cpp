@@ -464,11 +464,11 @@ class GroupSolve {
   bool has_direction_ = false;
 };
 
-FineSystem fine_system(const LinearSystem& system) {
+FineSystem fine_system(const LinearSystem& system, ThreadTeam& team) {
   FineSystem fine;
   fine.anchor = system.anchor;
   const std::vector<double>& weights = system.graph.weights;
-  if (std::all_of(weights.begin(), weights.end(), [&](double w) { return w == weights.front(); }))
+  if (has_one_weight(system.graph, team))
     fine.uniform_weight = weights.empty() ? 0 : weights.front();
   else
     fine.weights = weights;
@@ -492,7 +492,7 @@ struct MultigridSolver::Members {
       : options(multigrid_options),
         team(borrowed_team),
         hierarchy(checked(linear_system), multigrid_options.hierarchy, borrowed_team),
-        system(fine_system(linear_system)) {
+        system(fine_system(linear_system, borrowed_team)) {
     system.structure = &hierarchy.members().matrices.front();
   }
 

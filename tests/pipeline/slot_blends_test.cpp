@@ -31,8 +31,10 @@ class SlotBlendsForms : public testing::TestWithParam<Deform> {
 TEST_P(SlotBlendsForms, batches_are_blended_as_their_nodes_are) {
   const int count = nodes_.slot_count / kFitLanes * kFitLanes - 1;  // the last batch is not full
   const SlotBlends all = blends(count);
-  for (const double twist : {0.0, 80.0, 300.0, -170.0}) {
-    rotations_.read(bent_arm(70, twist));
+  const Eigen::Quaterniond none = Eigen::Quaterniond::Identity(), most = turn(355, {1, 0, 0});
+  for (const Pose& pose : {bent_arm(70), bent_arm(70, 80), bent_arm(70, 300), bent_arm(70, -170),
+                           posed(arm_skeleton(), {none, most, most})}) {
+    rotations_.read(pose);
     FitBatch batch;
     for (int slot = 0; slot < count; ++slot) {
       const int lane = slot % kFitLanes;
@@ -40,7 +42,7 @@ TEST_P(SlotBlendsForms, batches_are_blended_as_their_nodes_are) {
       Eigen::Vector4f found;
       for (int k = 0; k < 4; ++k) found[k] = batch.rotation[k][lane];
       const Eigen::Vector4f wanted = blended_alone(nodes_.node_of_slot[slot]).coeffs();
-      EXPECT_LT((found.normalized() - wanted).norm(), 1e-5f) << twist;
+      EXPECT_LT((found.normalized() - wanted).norm(), 1e-5f) << slot;
     }
     for (int k = 0; k < 4; ++k) EXPECT_EQ(batch.rotation[k][kFitLanes - 1], k < 3 ? 0.0f : 1.0f);
   }

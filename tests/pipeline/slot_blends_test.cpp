@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "arm_rig.h"
 #include "pipeline/skinning.h"
 #include "pipeline/skinning_base.h"
@@ -31,10 +33,8 @@ class SlotBlendsForms : public testing::TestWithParam<Deform> {
 TEST_P(SlotBlendsForms, batches_are_blended_as_their_nodes_are) {
   const int count = nodes_.slot_count / kFitLanes * kFitLanes - 1;  // the last batch is not full
   const SlotBlends all = blends(count);
-  const Eigen::Quaterniond none = Eigen::Quaterniond::Identity(), most = turn(355, {1, 0, 0});
-  for (const Pose& pose : {bent_arm(70), bent_arm(70, 80), bent_arm(70, 300), bent_arm(70, -170),
-                           posed(arm_skeleton(), {none, most, most})}) {
-    rotations_.read(pose);
+  for (const double twist : {0.0, 80.0, 300.0, -170.0}) {
+    rotations_.read(bent_arm(70, twist));
     FitBatch batch;
     for (int slot = 0; slot < count; ++slot) {
       const int lane = slot % kFitLanes;
@@ -42,7 +42,7 @@ TEST_P(SlotBlendsForms, batches_are_blended_as_their_nodes_are) {
       Eigen::Vector4f found;
       for (int k = 0; k < 4; ++k) found[k] = batch.rotation[k][lane];
       const Eigen::Vector4f wanted = blended_alone(nodes_.node_of_slot[slot]).coeffs();
-      EXPECT_LT((found.normalized() - wanted).norm(), 1e-5f) << slot;
+      EXPECT_LT((found.normalized() - wanted).norm(), 1e-5f) << twist;
     }
     for (int k = 0; k < 4; ++k) EXPECT_EQ(batch.rotation[k][kFitLanes - 1], k < 3 ? 0.0f : 1.0f);
   }
@@ -76,6 +76,36 @@ INSTANTIATE_TEST_SUITE_P(BothForms, SlotBlendsForms, testing::Values(Deform::ref
                          [](const auto& form) {
                            return form.param == Deform::refined ? "refined" : "paper";
                          });
+
+TEST(SlotBlends, twists_of_nearly_two_turns_are_followed_to_their_ends) {
+  ThreadTeam team(1);
+  const Rig rig = build_rig(arm_mesh(), arm_skeleton(), arm_options(Deform::refined), team);
+  const auto& sources = rig.binding.fields;
+  const auto far_end = std::find_if(sources.begin(), sources.end(), [&](const FieldSource& source) {
+    return source.far_end && rig.binding.bones[source.bone].twisted_by >= 0;
+  });
+  ASSERT_NE(far_end, sources.end());
+  const int far = static_cast<int>(far_end - sources.begin());
+  const Eigen::Quaterniond none = Eigen::Quaterniond::Identity(), most = turn(355, {1, 0, 0});
+  PoseRotations rotations(rig.skeleton, rig.binding);
+  rotations.read(posed(rig.skeleton, {none, most, most}));
+  HarmonicFields fields;
+  std::vector<int> nodes;
+  fields.offsets = {0};
+  for (int node = 0; node < kFitLanes; ++node) {
+    const float along = static_cast<float>(node) / (kFitLanes - 1);
+    fields.fields.insert(fields.fields.end(), {far - 1, far});
+    fields.weights.insert(fields.weights.end(), {1.0f - along, along});
+    fields.offsets.push_back(2 * node + 2);
+    nodes.push_back(node);
+  }
+  FitBatch batch;
+  SlotBlends(fields, nodes, rotations).blend(0, rotations, batch.rotation);
+  for (int node = 0; node < kFitLanes; ++node) {
+    const Eigen::Quaterniond wanted = turn(710.0 * node / (kFitLanes - 1), {1, 0, 0});
+    for (int k = 0; k < 4; ++k) EXPECT_NEAR(batch.rotation[k][node], wanted.coeffs()[k], 1e-5) << node;
+  }
+}
 
 TEST(SlotBlends, where_opposite_bones_cancel_the_strongest_decides) {
   ThreadTeam team(1);

@@ -254,7 +254,7 @@ class Slab {
       for (int corner = 0; corner < kCorners; ++corner)
         out.values[corner * width + column] = merged_[column].value[corner];
     }
-    // Nothing is read of a corner that is none: its weights are zero.
+    // What is read of a corner that is none is zero, and may be added anywhere.
     for (int& column : out.columns) column = std::min(column, transfer_.coarse_count - 1);
     for (const int column : out.columns) piece_columns_.add(column);
     piece_columns_.take(out.words);

@@ -22,7 +22,7 @@ constexpr int kWord = 64;
 
 // Rows come out the same however they are cut, so the cut may look at the team.
 int slab_count(int rows, const ThreadTeam& team) {
-  return std::clamp(rows / kFewestSlabRows, 1, team.thread_count() == 1 ? 1 : team.thread_count());
+  return std::clamp(rows / kFewestSlabRows, 1, team.thread_count());
 }
 
 using Eight = Lanes<kCorners>;
@@ -291,22 +291,17 @@ class Slab {
     for (int use = transfer_.use_offsets[row]; use < transfer_.use_offsets[row + 1]; ++use)
       leave(transfer_.uses[use] / kCorners, row);
     const std::span<const int> columns = row_columns_.take();
-    const std::size_t before = result.neighbors.size();
-    result.neighbors.resize(before + columns.size());
-    result.weights.resize(before + columns.size());
-    int* neighbor = result.neighbors.data() + before;
-    float* weight = result.weights.data() + before;
+    std::size_t end = result.neighbors.size();
+    result.neighbors.resize(end + columns.size());
+    result.weights.resize(end + columns.size());
     float diagonal = 0.0f;
     for (const int column : columns) {
       const auto value = static_cast<float>(std::exchange(sums_[column], 0.0));
-      *neighbor = column;
-      *weight = -value;
-      const bool other = column != row && value != 0.0f;
-      neighbor += other ? 1 : 0;
-      weight += other ? 1 : 0;
-      diagonal = column == row ? value : diagonal;
+      result.neighbors[end] = column;
+      result.weights[end] = -value;
+      if (column == row) diagonal = value;
+      end += column != row && value != 0.0f ? 1 : 0;
     }
-    const auto end = static_cast<std::size_t>(neighbor - result.neighbors.data());
     result.neighbors.resize(end);
     result.weights.resize(end);
     result.diagonal.push_back(diagonal);
@@ -347,6 +342,16 @@ void append(const LevelMatrix& part, LevelMatrix& whole) {
   for (std::size_t i = 1; i < part.offsets.size(); ++i) whole.offsets.push_back(base + part.offsets[i]);
 }
 
+// uniform_weight in place of weights that are all the same.
+void drop_equal_weights(LevelMatrix& matrix) {
+  LargeVector<float>& weights = matrix.weights;
+  if (!weights.empty() &&
+      std::all_of(weights.begin(), weights.end(), [&](float w) { return w == weights.front(); })) {
+    matrix.uniform_weight = weights.front();
+    LargeVector<float>().swap(weights);  // gives the memory back, which clearing would not
+  }
+}
+
 }  // namespace
 
 LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer, ThreadTeam& team) {
@@ -369,6 +374,7 @@ LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer
     append(part, product);
     part = {};
   }
+  drop_equal_weights(product);
   finish_level(product);
   return product;
 }
@@ -378,12 +384,6 @@ void finish_level(LevelMatrix& matrix) {
   // A row without a diagonal is an equation 0 = 0: its correction stays zero.
   for (std::size_t i = 0; i < matrix.diagonal.size(); ++i)
     matrix.inverse_diagonal[i] = matrix.diagonal[i] > 0 ? 1 / matrix.diagonal[i] : 0.0f;
-  LargeVector<float>& weights = matrix.weights;
-  if (!weights.empty() &&
-      std::all_of(weights.begin(), weights.end(), [&](float w) { return w == weights.front(); })) {
-    matrix.uniform_weight = weights.front();
-    LargeVector<float>().swap(weights);  // gives the memory back, which clearing would not
-  }
   matrix.sweep_blocks = sweep_blocks(matrix.offsets, matrix.neighbors);
 }
 

@@ -11,8 +11,8 @@ namespace sinew {
 /// A).
 LevelMatrix galerkin_product(const LevelMatrix& A, const PieceTransfer& transfer, ThreadTeam& team);
 
-/// Fills the parts that follow from offsets, neighbors, weights and diagonal: the inverse diagonal, the
-/// sweep blocks, and uniform_weight in place of weights that are all the same.
+/// Fills the parts that follow from offsets, neighbors and diagonal: the inverse diagonal and the sweep
+/// blocks.
 void finish_level(LevelMatrix& matrix);
 
 /// In double, for the factorisation of the last level.

@@ -31,12 +31,23 @@ constexpr int kRowsPerBlock = 4096;
 /// A last level larger than this is swept instead of factored.
 constexpr int kLargestFactor = 20000;
 
+/// Whether all edges have one weight.
+bool has_one_weight(const Graph& graph, ThreadTeam& team) {
+  constexpr int fewest_weights = 1 << 16;
+  std::atomic<bool> equal = true;
+  for_runs(team, static_cast<int>(graph.weights.size()), fewest_weights, [&](int begin, int end) {
+    const auto alike = [&](double weight) { return weight == graph.weights.front(); };
+    if (!std::all_of(graph.weights.begin() + begin, graph.weights.begin() + end, alike)) equal = false;
+  });
+  return equal;
+}
+
 LevelMatrix level_matrix(const LinearSystem& system, ThreadTeam& team) {
   const Graph& graph = system.graph;
   LevelMatrix matrix;
   matrix.offsets.assign(graph.offsets.begin(), graph.offsets.end());
   matrix.neighbors.assign(graph.neighbors.begin(), graph.neighbors.end());
-  // finish_level would drop equal weights, but only after they were copied.
+  // One weight in double: short rows, which have no others, serve residuals in double as well.
   if (has_one_weight(graph, team))
     matrix.uniform_weight = graph.weights.empty() ? 0.0f : static_cast<float>(graph.weights.front());
   else
@@ -127,16 +138,6 @@ void check_options(const LinearSystem& system, const HierarchyOptions& options) 
 }
 
 }  // namespace
-
-bool has_one_weight(const Graph& graph, ThreadTeam& team) {
-  constexpr int fewest_weights = 1 << 16;
-  std::atomic<bool> equal = true;
-  for_runs(team, static_cast<int>(graph.weights.size()), fewest_weights, [&](int begin, int end) {
-    const auto alike = [&](double weight) { return weight == graph.weights.front(); };
-    if (!std::all_of(graph.weights.begin() + begin, graph.weights.begin() + end, alike)) equal = false;
-  });
-  return equal;
-}
 
 std::size_t LevelMatrix::bytes() const {
   return bytes_of(offsets) + bytes_of(neighbors) + bytes_of(weights) + bytes_of(diagonal) +

@@ -17,7 +17,8 @@ namespace sinew {
 struct LevelMatrix {
   LargeVector<int> offsets = {0};  ///< size() + 1
   LargeVector<int> neighbors;      ///< ascending per node; empty where short_rows says the same
-  LargeVector<float> weights;      ///< alongside neighbors; empty when all equal uniform_weight
+  /// Alongside neighbors; empty when all equal uniform_weight, those of a graph in double.
+  LargeVector<float> weights;
   float uniform_weight = 0;
   LargeVector<float> diagonal;          ///< positive
   LargeVector<float> inverse_diagonal;  ///< what a sweep multiplies by
@@ -105,9 +106,6 @@ struct Hierarchy::Members {
   std::vector<Patch> patches;          ///< of the finest level
   std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
 };
-
-/// Whether a graph has one weight for all of its edges.
-bool has_one_weight(const Graph& graph, ThreadTeam& team);
 
 template <typename Vector>
 std::size_t bytes_of(const Vector& values) {

@@ -464,11 +464,12 @@ class GroupSolve {
   bool has_direction_ = false;
 };
 
-FineSystem fine_system(const LinearSystem& system, ThreadTeam& team) {
+FineSystem fine_system(const LinearSystem& system, const LevelMatrix& structure) {
   FineSystem fine;
+  fine.structure = &structure;
   fine.anchor = system.anchor;
   const std::vector<double>& weights = system.graph.weights;
-  if (has_one_weight(system.graph, team))
+  if (structure.weights.empty())
     fine.uniform_weight = weights.empty() ? 0 : weights.front();
   else
     fine.weights = weights;
@@ -492,9 +493,7 @@ struct MultigridSolver::Members {
       : options(multigrid_options),
         team(borrowed_team),
         hierarchy(checked(linear_system), multigrid_options.hierarchy, borrowed_team),
-        system(fine_system(linear_system, borrowed_team)) {
-    system.structure = &hierarchy.members().matrices.front();
-  }
+        system(fine_system(linear_system, hierarchy.members().matrices.front())) {}
 
   template <int kWidth>
   SolveReport solve_group(const Eigen::Ref<const Columns>& b, Eigen::Ref<Columns>& x, int first,

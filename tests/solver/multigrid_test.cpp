@@ -90,6 +90,15 @@ TEST(Multigrid, agrees_with_cholesky_for_uneven_weights) {
   expect_agreement(problem, {.hierarchy = {.coarsest_size = 200}}, "uneven weights");
 }
 
+TEST(Multigrid, agrees_with_cholesky_for_weights_that_differ_in_double_alone) {
+  graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
+  Graph& graph = problem.system.graph;
+  for (int i = 0; i < graph.node_count(); ++i)
+    for (int k = graph.offsets[i]; k < graph.offsets[i + 1]; ++k)
+      graph.weights[k] = 1 + ((i + graph.neighbors[k]) % 13) * 1e-12;
+  expect_agreement(problem, {.hierarchy = {.coarsest_size = 200}}, "nearly even weights");
+}
+
 TEST(Multigrid, needs_no_usable_positions) {
   graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(5000));
   problem.system.rest_positions.setZero();

@@ -20,9 +20,9 @@ constexpr double kStraight = 1e-6;
 /// Links, some eight rows, by which the passes over the edges tell the caches what they will want: the
 /// records of a large body do not fit the second level. As many entries behind the last link make that safe.
 constexpr int kAhead = 112;
+static_assert(kAhead % kLinkGroup == 0);
 
 using Vector4 = Wide<float, 4>;
-using Vector8 = Wide<float, 8>;
 using Vector16 = Wide<float, 16>;
 
 Eigen::Vector4f with_zero(const Eigen::Vector3d& vector) {
@@ -34,65 +34,54 @@ Eigen::Vector4f with_zero(const Eigen::Vector3d& vector) {
 inline const Vector16& as_vector(const NodeRecord& record) {
   return reinterpret_cast<const Vector16&>(record);
 }
-inline const Vector8& as_vector(const NodePlace& place) {
-  return reinterpret_cast<const Vector8&>(place);
-}
 
-/// Four numbers of a register from `first` on, each in all of one quarter.
-template <int first, typename Register>
-inline Vector16 each_in_a_quarter(const Register& v) {
-  constexpr int a = first, b = first + 1, c = first + 2, d = first + 3;
-  if constexpr (kRegisterFloats >= 16)
-    return __builtin_shufflevector(v, v, a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d);
-  else if constexpr (kRegisterFloats >= 8)
-    return {__builtin_shufflevector(v, v, a, a, a, a, b, b, b, b),
-            __builtin_shufflevector(v, v, c, c, c, c, d, d, d, d)};
-  else
-    return {{__builtin_shufflevector(v, v, a, a, a, a), __builtin_shufflevector(v, v, b, b, b, b)},
-            {__builtin_shufflevector(v, v, c, c, c, c), __builtin_shufflevector(v, v, d, d, d, d)}};
-}
-
-/// Rest coordinate k in all of column k; the last four are the rest's own zero.
-template <typename Vector>
-inline Vector16 spread_rest(const Vector& v) {
-  if constexpr (kIsHalved<Vector>)
-    return spread_rest(v.high);
-  else
-    return each_in_a_quarter<kRegisterFloats - 4>(v);
-}
-
-/// The rest coordinates of an edge, likewise, and where it points now in every column.
-template <typename Vector>
-inline Vector16 spread_rest_of_place(const Vector& edge) {
-  if constexpr (kIsHalved<Vector>)
-    return each_in_a_quarter<0>(edge.low);
-  else
-    return each_in_a_quarter<0>(edge);
-}
-template <typename Vector>
-inline Vector16 repeat_now_of_place(const Vector& edge) {
-  if constexpr (kRegisterFloats >= 16) {
-    return __builtin_shufflevector(edge, edge, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 7);
-  } else if constexpr (kRegisterFloats >= 8) {
-    const auto twice = __builtin_shufflevector(edge, edge, 4, 5, 6, 7, 4, 5, 6, 7);
-    return {twice, twice};
+/// Four numbers in every quarter. Written number by number, where GCC sees that the load itself can do it.
+template <typename Vector, typename Four>
+inline Vector in_all_quarters(const Four& v) {
+  if constexpr (kIsHalved<Vector>) {
+    const auto half = in_all_quarters<typename Vector::Half>(v);
+    return {half, half};
+  } else if constexpr (sizeof(Vector) == sizeof(Four)) {
+    return v;
+  } else if constexpr (sizeof(Vector) == 2 * sizeof(Four)) {
+    return Vector{v[0], v[1], v[2], v[3], v[0], v[1], v[2], v[3]};
   } else {
-    return {{edge.high, edge.high}, {edge.high, edge.high}};
+    return Vector{v[0], v[1], v[2], v[3], v[0], v[1], v[2], v[3],
+                  v[0], v[1], v[2], v[3], v[0], v[1], v[2], v[3]};
   }
 }
 
-/// All in registers: what is written number by number and read back as a vector costs as much as half a row.
+/// Of numbers that are in all quarters number `first` in all of the first quarter, and so on. No number
+/// leaves its quarter, which would cost twice as much.
+template <int first, typename Vector>
+inline Vector each_in_its_quarter(const Vector& v) {
+  constexpr int a = first, b = a + 5, c = b + 5, d = c + 5;
+  if constexpr (kIsHalved<Vector>) {
+    constexpr int second = first + static_cast<int>(sizeof(v.low) / sizeof(Vector4));
+    return {each_in_its_quarter<first>(v.low), each_in_its_quarter<second>(v.high)};
+  } else if constexpr (sizeof(Vector) == sizeof(Vector4)) {
+    return __builtin_shufflevector(v, v, a, a, a, a);
+  } else if constexpr (sizeof(Vector) == 2 * sizeof(Vector4)) {
+    return __builtin_shufflevector(v, v, a, a, a, a, b, b, b, b);
+  } else {
+    return __builtin_shufflevector(v, v, a, a, a, a, b, b, b, b, c, c, c, c, d, d, d, d);
+  }
+}
+
 inline Vector4 zero_behind_three(const Vector4& v) {
   return __builtin_shufflevector(v, Vector4{}, 0, 1, 2, 4);
 }
-inline Vector4 sum_of_columns(const Vector16& v) {
-  return zero_behind_three(quarter<0>(v) + quarter<1>(v) + quarter<2>(v));
+
+/// Columns times coordinates; the fourth number means nothing.
+inline Vector4 turned(const Vector16& columns, const Eigen::Vector4f& coordinates) {
+  return coordinates[0] * quarter<0>(columns) + coordinates[1] * quarter<1>(columns) +
+         coordinates[2] * quarter<2>(columns);
 }
 
-/// The fourth numbers of the columns.
+/// The fourth numbers of the columns; the fourth of these means nothing.
 inline Vector4 positions_of(const Vector16& v) {
   const Vector4 two = __builtin_shufflevector(quarter<0>(v), quarter<1>(v), 3, 7, 3, 7);
-  return zero_behind_three(__builtin_shufflevector(two, quarter<2>(v), 0, 1, 7, 7));
+  return __builtin_shufflevector(two, quarter<2>(v), 0, 1, 7, 7);
 }
 
 inline Eigen::Vector4f as_eigen(const Vector4& v) {
@@ -102,22 +91,39 @@ inline Eigen::Vector4f as_eigen(const Vector4& v) {
 }
 
 /// From L of the records, the residual but for what the rest's own L adds.
-inline Vector4 residual_of(const Vector16& own, const Vector16& differences) {
-  return positions_of(differences) - 0.5f * sum_of_columns(spread_rest(own) * differences);
+inline Vector4 residual_of(const NodeRecord& own, const Vector16& differences) {
+  return positions_of(differences) - 0.5f * turned(differences, own.rest);
 }
 
-template <bool kUniform>
-inline Vector4 residual_row(const FrameNodes& nodes, int slot) {
-  const auto own = loaded<Vector16>(nodes.records[slot].column[0].data());
-  Vector16 differences{};
+/// Calls group(k) for the links of a slot, k the first of each group.
+template <typename Value, typename Group>
+inline void for_each_group(const FrameNodes& nodes, int slot, const Value* values, const Group& group) {
   const int end = nodes.offsets[slot + 1];
-  for (int k = nodes.offsets[slot]; k < end; ++k) {
-    __builtin_prefetch(&nodes.records[nodes.neighbors[k + kAhead]]);
-    Vector16 difference = own - as_vector(nodes.records[nodes.neighbors[k]]);
-    if constexpr (!kUniform) difference *= nodes.weights[k];
-    differences += difference;
+  for (int k = nodes.offsets[slot]; k < end; k += kLinkGroup) {
+    for (int link = 0; link < kLinkGroup; ++link)
+      __builtin_prefetch(&nodes.linked(values, k + kAhead + link));
+    group(k);
   }
-  return residual_of(own, differences) + 0.5f * sum_of_columns(spread_rest(differences) * own);
+}
+
+/// `loose`: the slot is that one of those outside runs.
+template <bool kUniform>
+inline Vector4 residual_row(const FrameNodes& nodes, int slot, int loose) {
+  const NodeRecord* const records = nodes.records.data();
+  const auto own = loaded<Vector16>(records[slot].column[0].data());
+  const auto at = [&](int link) -> const Vector16& { return as_vector(nodes.linked(records, link)); };
+  const Vector16 twice = own + own, four_times = twice + twice;
+  Vector16 differences{};
+  for_each_group(nodes, slot, records, [&](int k) {
+    if constexpr (kUniform) {
+      differences += four_times - ((at(k) + at(k + 1)) + (at(k + 2) + at(k + 3)));
+    } else {
+      for (int link = 0; link < kLinkGroup; ++link)
+        differences += (own - at(k + link)) * nodes.weights[k + link];
+    }
+  });
+  return zero_behind_three(residual_of(records[slot], differences) +
+                           turned(own, nodes.half_rest_differences[loose]));
 }
 
 /// Calls visit(slot, residual) for slots of a run. What two slots that follow each other have in common is
@@ -140,7 +146,7 @@ inline void residuals_in_run(const FrameNodes& nodes, const LatticeRun& run, int
         ((four_times - shared) + (four_times - next)) +
         (((twice - (at(slot + s0) + at(slot + s3))) + (twice - (at(slot + s1) + at(slot + s2)))) +
          (twice - (before + behind)));
-    visit(slot, residual_of(own, differences));
+    visit(slot, zero_behind_three(residual_of(records[slot], differences)));
     shared = next;
     before = own;
     own = behind;
@@ -152,11 +158,13 @@ template <typename Visit>
 void for_each_residual(const FrameNodes& nodes, int first, int end, const Visit& visit) {
   ascend_parts(
       nodes.runs, first, end,
-      [&](int begin, int stop, int) {
+      [&](int begin, int stop, int before) {
         if (nodes.weights.empty()) {
-          for (int slot = begin; slot < stop; ++slot) visit(slot, residual_row<true>(nodes, slot));
+          for (int slot = begin; slot < stop; ++slot)
+            visit(slot, residual_row<true>(nodes, slot, slot - before));
         } else {
-          for (int slot = begin; slot < stop; ++slot) visit(slot, residual_row<false>(nodes, slot));
+          for (int slot = begin; slot < stop; ++slot)
+            visit(slot, residual_row<false>(nodes, slot, slot - before));
         }
       },
       [&](const LatticeRun& run, int begin, int stop) { residuals_in_run(nodes, run, begin, stop, visit); });
@@ -169,16 +177,20 @@ struct EdgeSum {
 
 template <bool kUniform>
 inline EdgeSum sum_row_edges(const FrameNodes& nodes, int slot) {
-  const Vector8 own = as_vector(nodes.places[slot]);
+  const NodePlace* const places = nodes.places.data();
+  const auto spread = [](const Eigen::Vector4f& v) {
+    return in_all_quarters<Vector16>(loaded<Vector4>(v.data()));
+  };
+  const Vector16 own_rest = spread(places[slot].rest), own_now = spread(places[slot].now);
   Vector16 sum{};
-  const int end = nodes.offsets[slot + 1];
-  for (int k = nodes.offsets[slot]; k < end; ++k) {
-    __builtin_prefetch(&nodes.places[nodes.neighbors[k + kAhead]]);
-    const Vector8 edge = own - as_vector(nodes.places[nodes.neighbors[k]]);
-    Vector16 now = repeat_now_of_place(edge);
-    if constexpr (!kUniform) now *= nodes.weights[k];
-    sum += spread_rest_of_place(edge) * now;
-  }
+  for_each_group(nodes, slot, places, [&](int k) {
+    for (int link = 0; link < kLinkGroup; ++link) {
+      const NodePlace& neighbor = nodes.linked(places, k + link);
+      Vector16 edge_now = own_now - spread(neighbor.now);
+      if constexpr (!kUniform) edge_now *= nodes.weights[k + link];
+      sum += each_in_its_quarter<0>(own_rest - spread(neighbor.rest)) * edge_now;
+    }
+  });
   return {{quarter<0>(sum), quarter<1>(sum), quarter<2>(sum)}};
 }
 
@@ -277,11 +289,19 @@ bool has_lattice_edges(const std::array<Eigen::Vector3d, kLatticeNeighbors>& edg
 
 }  // namespace
 
+/// Per free slot its neighbors, ascending, and their weights unless all are one.
+struct FrameNodes::Neighborhoods {
+  LargeVector<int> offsets;
+  LargeVector<int> neighbors;
+  LargeVector<float> weights;
+};
+
 FrameNodes::FrameNodes(const Rig& rig) {
   number_slots(rig);
   place_at_rest(rig);
-  copy_neighborhoods(rig);
-  if (weights.empty()) find_runs(rig);
+  const Neighborhoods lists = neighborhoods(rig);
+  if (lists.weights.empty()) find_runs(rig, lists);
+  group_links(lists);
 }
 
 void FrameNodes::number_slots(const Rig& rig) {
@@ -308,12 +328,14 @@ void FrameNodes::place_at_rest(const Rig& rig) {
   }
 }
 
-void FrameNodes::copy_neighborhoods(const Rig& rig) {
+/// And the determinants of their edges.
+FrameNodes::Neighborhoods FrameNodes::neighborhoods(const Rig& rig) {
+  Neighborhoods lists;
   const Graph& graph = rig.volume.graph;
   const bool uniform =
       std::all_of(graph.weights.begin(), graph.weights.end(), [](double w) { return w == 1.0; });
   std::vector<std::pair<int, double>> around;
-  offsets.push_back(0);
+  lists.offsets.push_back(0);
   for (int slot = 0; slot < free_count; ++slot) {
     const int node = node_of_slot[slot];
     around.clear();
@@ -326,26 +348,26 @@ void FrameNodes::copy_neighborhoods(const Rig& rig) {
     }
     std::sort(around.begin(), around.end());
     for (const auto& [neighbor, weight] : around) {
-      neighbors.push_back(neighbor);
-      if (!uniform) weights.push_back(static_cast<float>(weight));
+      lists.neighbors.push_back(neighbor);
+      if (!uniform) lists.weights.push_back(static_cast<float>(weight));
     }
-    offsets.push_back(static_cast<int>(neighbors.size()));
+    lists.offsets.push_back(static_cast<int>(lists.neighbors.size()));
     const double determinant = spread.determinant();
     const double even = std::pow(spread.trace() / 3.0, 3);
     inverse_rest_determinants.push_back(determinant > kFlat * even ? static_cast<float>(1.0 / determinant)
                                                                    : 0.0f);
   }
-  neighbors.insert(neighbors.end(), kAhead, 0);
+  return lists;
 }
 
-void FrameNodes::find_runs(const Rig& rig) {
+void FrameNodes::find_runs(const Rig& rig, const Neighborhoods& lists) {
   const double half = rig.volume.spacing / 2.0;
   if (rig.volume.interior != Interior::lattice || !(half > 0.0)) return;
   Eigen::Vector3i found = Eigen::Vector3i::Constant(-1);
   const auto alike = [&](int, int slot) {
     std::array<Eigen::Vector3d, kLatticeNeighbors> edges;
     for (int k = 0; k < kLatticeNeighbors; ++k)
-      edges[k] = (rig.volume.rest_positions.row(node_of_slot[neighbors[offsets[slot] + k]]) -
+      edges[k] = (rig.volume.rest_positions.row(node_of_slot[lists.neighbors[lists.offsets[slot] + k]]) -
                   rig.volume.rest_positions.row(node_of_slot[slot]))
                      .transpose();
     const Eigen::Vector3i own(axis_of(edges[7], 2 * half), axis_of(edges[8], 2 * half),
@@ -354,32 +376,40 @@ void FrameNodes::find_runs(const Rig& rig) {
     if (found.minCoeff() < 0) found = own;
     return own == found;
   };
-  runs = lattice_runs({offsets.data(), offsets.size()},
-                      {neighbors.data(), static_cast<std::size_t>(offsets.back())}, alike);
-  if (runs.empty()) return;
-  axes = {found[0], found[1], found[2], static_cast<float>(half / diagonal)};
-  forget_lists_in_runs();
+  runs = lattice_runs({lists.offsets.data(), lists.offsets.size()},
+                      {lists.neighbors.data(), lists.neighbors.size()}, alike);
+  if (!runs.empty()) axes = {found[0], found[1], found[2], static_cast<float>(half / diagonal)};
 }
 
-/// What is left follows each other as it is walked.
-void FrameNodes::forget_lists_in_runs() {
-  LargeVector<int> kept;
-  kept.reserve(neighbors.size() - static_cast<std::size_t>(row_count(runs)) * kLatticeNeighbors);
+/// Whole groups, and no links of slots in runs: what is left follows each other as it is walked.
+void FrameNodes::group_links(const Neighborhoods& lists) {
+  const auto link_to = [&](int slot, float weight) {
+    links.push_back(kLinkUnit * slot);
+    if (!lists.weights.empty()) weights.push_back(weight);
+  };
+  offsets.resize(static_cast<std::size_t>(free_count) + 1);
+  links.reserve(lists.neighbors.size() + kAhead);
   ascend_parts(
       runs, 0, free_count,
       [&](int first, int last, int) {
         for (int slot = first; slot < last; ++slot) {
-          const int begin = offsets[slot], end = offsets[slot + 1];
-          offsets[slot] = static_cast<int>(kept.size());
-          kept.insert(kept.end(), neighbors.begin() + begin, neighbors.begin() + end);
+          Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+          offsets[slot] = static_cast<int>(links.size());
+          for (int k = lists.offsets[slot]; k < lists.offsets[slot + 1]; ++k) {
+            const int neighbor = lists.neighbors[k];
+            const float weight = lists.weights.empty() ? 1.0f : lists.weights[k];
+            link_to(neighbor, weight);
+            sum += weight * (records[slot].rest.cast<double>() - records[neighbor].rest.cast<double>());
+          }
+          while (links.size() % kLinkGroup != 0) link_to(slot, 0.0f);
+          half_rest_differences.push_back((0.5 * sum).cast<float>());
         }
       },
       [&](const LatticeRun&, int first, int last) {
-        std::fill(offsets.begin() + first, offsets.begin() + last, static_cast<int>(kept.size()));
+        std::fill(offsets.begin() + first, offsets.begin() + last, static_cast<int>(links.size()));
       });
-  offsets[free_count] = static_cast<int>(kept.size());
-  kept.insert(kept.end(), kAhead, 0);
-  neighbors = std::move(kept);
+  offsets[free_count] = static_cast<int>(links.size());
+  links.insert(links.end(), kAhead, 0);
 }
 
 void residual_rows(const FrameNodes& nodes, int first, int end, Eigen::Vector4f* residual) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "pipeline/local_step.h"
@@ -23,6 +24,13 @@ struct alignas(32) NodePlace {
   Eigen::Vector4f rest;  ///< rest position, then 0
   Eigen::Vector4f now;   ///< position now, then 0
 };
+
+/// The links of a slot are handled so many at a time: what four neighbors add up to takes half of the
+/// additions of four differences.
+constexpr int kLinkGroup = 4;
+
+/// A link is a slot times this, the most that an address takes a number times.
+constexpr int kLinkUnit = 8;
 
 /// The axes of a body-centred lattice, in the order in which free slots follow each other: along a line, from
 /// line to line, from layer to layer. Coordinates grow with the slots.
@@ -51,11 +59,19 @@ struct FrameNodes {
   /// Calls body(neighbor, weight) for the neighbors of a free slot.
   template <typename Body>
   void for_each_neighbor(int slot, const Body& body) const {
-    for (int k = offsets[slot]; k < offsets[slot + 1]; ++k)
-      body(neighbors[k], weights.empty() ? 1.0f : weights[k]);
+    for (int k = offsets[slot]; k < offsets[slot + 1] && links[k] != kLinkUnit * slot; ++k)
+      body(links[k] / kLinkUnit, weights.empty() ? 1.0f : weights[k]);
     const auto run = static_cast<std::size_t>(first_run_behind(runs, slot));
     if (run == runs.size() || slot < runs[run].first) return;
     for (const int neighbor : runs[run].neighbors(slot)) body(neighbor, 1.0f);
+  }
+
+  /// Of values by slot, the one that link k leads to.
+  template <typename Value>
+  const Value& linked(const Value* values, int k) const {
+    static_assert(sizeof(Value) % kLinkUnit == 0);
+    const char* const place = reinterpret_cast<const char*>(values);
+    return *reinterpret_cast<const Value*>(place + std::ptrdiff_t{links[k]} * (sizeof(Value) / kLinkUnit));
   }
 
   double diagonal = 1.0;
@@ -63,11 +79,13 @@ struct FrameNodes {
   int slot_count = 0;
   LargeVector<int> node_of_slot;
   LargeVector<int> slot_of_node;
-  LargeVector<int> offsets;                      ///< per free slot, into neighbors and weights
-  LargeVector<int> neighbors;                    ///< slots, ascending: the held ones last; none of a slot in
-                                                 ///< a run; then some to spare
+  LargeVector<int> offsets;                      ///< per free slot, into links and weights: whole groups
+  LargeVector<int> links;                        ///< to slots, ascending: the held ones last, then to the slot
+                                                 ///< itself until the group is full; none of a slot in a run;
+                                                 ///< behind the last group some to spare
   LargeVector<float> weights;                    ///< empty where all are one
   LargeVector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
+  LargeVector<Eigen::Vector4f> half_rest_differences;  ///< per free slot outside runs: half of sum w e
   LargeVector<NodeRecord> records;
   LargeVector<NodePlace> places;
 
@@ -78,9 +96,10 @@ struct FrameNodes {
  private:
   void number_slots(const Rig& rig);
   void place_at_rest(const Rig& rig);
-  void copy_neighborhoods(const Rig& rig);
-  void find_runs(const Rig& rig);
-  void forget_lists_in_runs();
+  struct Neighborhoods;
+  Neighborhoods neighborhoods(const Rig& rig);
+  void find_runs(const Rig& rig, const Neighborhoods& lists);
+  void group_links(const Neighborhoods& lists);
 };
 
 /// For free slots [first, end), with the rotations, scales and positions of the records:

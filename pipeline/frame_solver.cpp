@@ -497,7 +497,8 @@ std::size_t FrameSolver::bytes() const {
   const auto slots = static_cast<std::size_t>(m.nodes.slot_count);
   return slots * (sizeof(NodeRecord) + sizeof(NodePlace) + 4 * sizeof(int)) +
          m.rotations.size() * (sizeof(Eigen::Quaternionf) + 2 * sizeof(float)) +
-         m.nodes.neighbors.size() * sizeof(int) + m.nodes.weights.size() * sizeof(float) +
+         m.nodes.links.size() * sizeof(int) + m.nodes.weights.size() * sizeof(float) +
+         m.nodes.half_rest_differences.size() * sizeof(Eigen::Vector4f) +
          m.nodes.runs.size() * sizeof(LatticeRun) + m.blends.bytes() + m.starts.bytes();
 }
 

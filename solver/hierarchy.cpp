@@ -178,7 +178,9 @@ Hierarchy::Hierarchy(const LinearSystem& system, const HierarchyOptions& options
     if (task == 1 && patched) shorten_rows(finest, alone);
   });
   if (!patched) return;
-  members_->patches = find_patches(*members_, team);
+  PatchSearch search = find_patches(*members_, team);
+  members_->patches = std::move(search.patches);
+  members_->kept = std::move(search.kept);
   if (!finest.short_rows.empty()) LargeVector<int>().swap(finest.neighbors);
 }
 
@@ -191,8 +193,10 @@ std::vector<LevelSummary> Hierarchy::levels() const {
   for (std::size_t level = 0; level < members_->matrices.size(); ++level) {
     const LevelMatrix& matrix = members_->matrices[level];
     LevelSummary summary{matrix.size(), matrix.entries(), matrix.bytes()};
-    if (level == 0)
+    if (level == 0) {
+      summary.bytes += bytes_of(members_->kept);
       for (const Patch& patch : members_->patches) summary.bytes += patch.bytes();
+    }
     if (level < members_->transfers.size()) summary.bytes += members_->transfers[level].bytes();
     if (level < members_->descents.size()) summary.bytes += members_->descents[level].bytes();
     result.push_back(summary);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -99,11 +100,17 @@ struct Transfer {
   std::size_t bytes() const { return (pieces ? pieces->bytes() : 0) + (rows ? rows->bytes() : 0); }
 };
 
+/// A number between 0 and 1 in units of 1/kKeptUnits, rounded up.
+using KeptShare = std::uint8_t;
+constexpr float kKeptUnits = 255.0f;
+
 struct Hierarchy::Members {
   std::vector<LevelMatrix> matrices;   ///< the finest first
   std::vector<Transfer> transfers;     ///< transfers[l] joins levels l and l + 1
   std::vector<EdgeDescent> descents;   ///< likewise, for Coarsening::shi2006 alone
   std::vector<Patch> patches;          ///< of the finest level
+  LargeVector<KeptShare> kept;         ///< what cycles keep of errors, by node of the finest level, where it
+                                       ///< was searched for patches
   std::optional<CoarseFactor> bottom;  ///< absent when the last level is too large to factor: it is swept
 };
 

@@ -24,16 +24,21 @@ constexpr int kSums = 3;
 // Largest errors left, in terms of what a part of the cycle moved. Measured over clips of fast motion: after
 // full multigrid up to 1.2 of all that the finest level moved, and foretold by 1.5 of what its forward sweeps
 // moved (mostly a third of that); where a V-cycle ended it, 0.86 of what came behind the forward sweeps
-// (mostly 0.5: that says most); after a V-cycle alone 0.42 (mostly 0.2), 0.36 behind another cycle. Where the
-// first cycle was light, errors were at most 1.01 of what 0.5 says. A light cycle behind another one moves
-// little and leaves as much: 0.94 were seen.
+// (mostly 0.5: that says most).
 constexpr double kErrorLeftFar = 0.6;
 constexpr double kErrorLeftForeseen = 0.75;
 constexpr double kErrorLeftWhole = 0.6;
-constexpr double kErrorLeftNear = 0.27;
-constexpr double kErrorLeftFurther = 0.3;
-constexpr double kErrorLeftLight = 0.5;
-constexpr double kErrorLeftFurtherLight = 1.0;
+
+// The same after a V-cycle, where each node's move counts for what such a cycle keeps of errors there: up to
+// 2.4 (mostly 1.2), and 2.2 (1.6) behind another cycle; of a light one up to 4.9 (1.8), 5.6 (2.9) behind
+// another. Without the nodes' shares the largest were 2.8 to 3 times what is usual.
+constexpr double kErrorLeftNear = 1.35;
+constexpr double kErrorLeftFurther = 1.7;
+constexpr double kErrorLeftLight = 2.8;
+constexpr double kErrorLeftFurtherLight = 4.0;
+
+// What a cycle keeps of an error where that was not tried.
+constexpr float kKeptUnknown = 0.2f;
 
 // What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.
 constexpr double kSinglePrecision = 1e-5;
@@ -75,10 +80,12 @@ struct MultigridWorkspace : SolverWorkspace {
   std::optional<EdgeMemory> edges;
 };
 
-// Square lengths of the longest row, and of the longest difference from `before`, if there is one.
+// Square lengths of the longest row; of the longest step, which is the difference from `before` or, without
+// that, the row; and of the step of which a cycle keeps most.
 struct Longest {
   float row = 0;
   float step = 0;
+  float kept = 0;
 };
 
 struct CorrectionCycle : CorrectionWorkspace {
@@ -108,14 +115,19 @@ const Eigen::Vector4f* keep(ThreadTeam& team, CorrectionCycle& own) {
 
 Longest longest_rows(ThreadTeam& team, CorrectionCycle& own, const Eigen::Vector4f* before) {
   const std::span<const Eigen::Vector4f> rows = own.correction;
+  const LargeVector<KeptShare>& shares = own.hierarchy->members().kept;
   const int n = static_cast<int>(rows.size()), blocks = static_cast<int>(own.of_blocks.size());
   // Written so that what is not a number passes for large.
   const auto raise = [](float& largest, float square) { largest = square <= largest ? largest : square; };
   team.for_each_block(blocks, [&](int block) {
     Longest longest;
     for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
-      raise(longest.row, rows[i].squaredNorm());
-      if (before) raise(longest.step, (rows[i] - before[i]).squaredNorm());
+      const float row = rows[i].squaredNorm();
+      const float step = before ? (rows[i] - before[i]).squaredNorm() : row;
+      const float share = shares.empty() ? kKeptUnknown : static_cast<float>(shares[i]) / kKeptUnits;
+      raise(longest.row, row);
+      raise(longest.step, step);
+      raise(longest.kept, share * share * step);
     }
     own.of_blocks[block] = longest;
   });
@@ -123,6 +135,7 @@ Longest longest_rows(ThreadTeam& team, CorrectionCycle& own, const Eigen::Vector
   for (const Longest& longest : own.of_blocks) {
     raise(all.row, longest.row);
     raise(all.step, longest.step);
+    raise(all.kept, longest.kept);
   }
   return all;
 }
@@ -579,9 +592,9 @@ CorrectionReport MultigridSolver::correct(Reach reach, double enough, Correction
   Cycle<4> cycle = members_->correction_cycle(reach, own);
   if (reach == Reach::near || reach == Reach::light) {
     cycle.v_cycle();
-    const double longest = std::sqrt(longest_rows(members_->team, own, nullptr).row);
-    return {1, reach, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * longest,
-            kSingleRounding * longest};
+    const Longest longest = longest_rows(members_->team, own, nullptr);
+    return {1, reach, (reach == Reach::light ? kErrorLeftLight : kErrorLeftNear) * std::sqrt(longest.kept),
+            kSingleRounding * std::sqrt(longest.row)};
   }
   cycle.descend();
   const Eigen::Vector4f* const before = keep(members_->team, own);
@@ -616,7 +629,7 @@ CorrectionReport MultigridSolver::correct_further(Reach reach, CorrectionWorkspa
   const Longest longest = longest_rows(members_->team, own, before);
   const double rounding = kSingleRounding * std::sqrt(longest.row);
   const double left = reach == Reach::light ? kErrorLeftFurtherLight : kErrorLeftFurther;
-  return {1, reach, left * std::sqrt(longest.step) + rounding, rounding};
+  return {1, reach, left * std::sqrt(longest.kept) + rounding, rounding};
 }
 
 CycleCost MultigridSolver::correction_cost(Reach reach) const {

@@ -69,9 +69,19 @@ float limit_for(std::vector<float> left) {
   return std::max(kStubborn, *nth);
 }
 
+/// What a cycle left in the mean.
+LargeVector<KeptShare> kept_shares(const std::vector<float>& left, float limit, ThreadTeam& team) {
+  static_assert(kProbeCycles == 4);
+  LargeVector<KeptShare> kept(left.size());
+  for_items(team, static_cast<int>(left.size()), kRowsPerBlock, [&](int node) {
+    const float share = std::sqrt(std::sqrt(std::min(left[node], limit)));
+    kept[node] = static_cast<KeptShare>(std::ceil(kKeptUnits * std::min(share, 1.0f)));
+  });
+  return kept;
+}
+
 /// The stubborn nodes and those within some edges of them.
-std::vector<char> nodes_in_patches(const LevelMatrix& A, const std::vector<float>& left) {
-  const float limit = limit_for(left);
+std::vector<char> nodes_in_patches(const LevelMatrix& A, const std::vector<float>& left, float limit) {
   std::vector<char> inside(left.size(), 0);
   std::vector<int> front;
   for (int node = 0; node < A.size(); ++node) {
@@ -156,22 +166,26 @@ std::size_t Patch::bytes() const {
   return bytes_of(nodes) + bytes_of(offsets) + bytes_of(neighbors) + bytes_of(weights) + factor.bytes();
 }
 
-std::vector<Patch> find_patches(const Hierarchy::Members& hierarchy, ThreadTeam& team) {
+PatchSearch find_patches(const Hierarchy::Members& hierarchy, ThreadTeam& team) {
   const LevelMatrix& A = hierarchy.matrices.front();
-  std::vector<std::vector<int>> nodes = patch_nodes(A, nodes_in_patches(A, probe(hierarchy, team)));
+  const std::vector<float> left = probe(hierarchy, team);
+  const float limit = limit_for(left);
+  PatchSearch result;
+  result.kept = kept_shares(left, limit, team);
+  std::vector<std::vector<int>> nodes = patch_nodes(A, nodes_in_patches(A, left, limit));
   std::vector<int> row_of_node(static_cast<std::size_t>(A.size()), -1);
   for (const std::vector<int>& patch : nodes)
     for (std::size_t row = 0; row < patch.size(); ++row) row_of_node[patch[row]] = static_cast<int>(row);
   // No edge joins two patches, so none meets another's rows.
-  std::vector<Patch> patches(nodes.size());
+  result.patches.resize(nodes.size());
   team.for_each_block(static_cast<int>(nodes.size()),
-                      [&](int k) { patches[k] = make_patch(A, std::move(nodes[k]), row_of_node); });
+                      [&](int k) { result.patches[k] = make_patch(A, std::move(nodes[k]), row_of_node); });
   int first_row = 0;
-  for (Patch& patch : patches) {
+  for (Patch& patch : result.patches) {
     patch.first_row = first_row;
     first_row += patch.size();
   }
-  return patches;
+  return result;
 }
 
 }  // namespace sinew

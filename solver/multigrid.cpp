@@ -32,9 +32,9 @@ constexpr double kErrorLeftWhole = 0.6;
 // The same after a V-cycle, where each node's move counts for what such a cycle keeps of errors there: up to
 // 2.4 (mostly 1.2), and 2.2 (1.6) behind another cycle; of a light one up to 4.9 (1.8), 5.6 (2.9) behind
 // another. Without the nodes' shares the largest were 2.8 to 3 times what is usual.
-constexpr double kErrorLeftNear = 1.35;
+constexpr double kErrorLeftNear = 1.45;
 constexpr double kErrorLeftFurther = 1.7;
-constexpr double kErrorLeftLight = 2.8;
+constexpr double kErrorLeftLight = 3.3;
 constexpr double kErrorLeftFurtherLight = 4.0;
 
 // What a cycle keeps of an error where that was not tried.

@@ -117,7 +117,9 @@ struct FrameSolver::Members {
   void write_records(const FitBatch& batch, int first, const float (&scales)[kFitLanes],
                      const StartAt& start_at);
   template <int kCount>
-  void fit_batch(int first, int& next_run);
+  FitBatch batch_to_fit(int first, int& next_run) const;
+  template <int kCount>
+  void take_fit(FitBatch& batch, int first);
 
   void correct_until_good(FrameReport& report);
   void advance(bool first);
@@ -322,20 +324,26 @@ void FrameSolver::Members::pin(const Pose& pose) {
   });
 }
 
+/// The batch of slots from `first` on, with the sums over their edges.
 template <int kCount>
-void FrameSolver::Members::fit_batch(int first, int& next_run) {
+FitBatch FrameSolver::Members::batch_to_fit(int first, int& next_run) const {
   FitBatch batch = batch_from<kCount>(first);
+  sum_edges(nodes, first, kCount, next_run, batch);
+  return batch;
+}
+
+/// What follows from its new rotations.
+template <int kCount>
+void FrameSolver::Members::take_fit(FitBatch& batch, int first) {
   alignas(64) float determinants[kFitLanes] = {};
   alignas(64) float scales[kFitLanes] = {};
   alignas(64) float factors[kFitLanes] = {};
-  sum_edges(nodes, first, kCount, next_run, batch);
   for (int lane = 0; lane < kCount; ++lane) {
     const float pose_scale = pose_scales[first + lane];
     determinants[lane] =
         nodes.inverse_rest_determinants[first + lane] / (pose_scale * pose_scale * pose_scale);
     scales[lane] = volume_scales[first + lane];
   }
-  fit_rotations(batch);
   if (options.volume_gain != 0.0)
     correct_volume(batch, determinants, static_cast<float>(options.volume_gain), scales);
   for (int lane = 0; lane < kCount; ++lane) {
@@ -353,7 +361,19 @@ void FrameSolver::Members::fit_batch(int first, int& next_run) {
 void FrameSolver::Members::fit_locally() {
   for_each_block(nodes.free_count, [&](int first, int end) {
     int next_run = first_run_behind(nodes.runs, first);
-    for_each_batch(first, end, [&](int slot, auto count) { fit_batch<count>(slot, next_run); });
+    int slot = first;
+    for (; slot + 2 * kFitLanes <= end; slot += 2 * kFitLanes) {
+      std::array<FitBatch, 2> batches = {batch_to_fit<kFitLanes>(slot, next_run),
+                                         batch_to_fit<kFitLanes>(slot + kFitLanes, next_run)};
+      fit_rotations(batches);
+      take_fit<kFitLanes>(batches[0], slot);
+      take_fit<kFitLanes>(batches[1], slot + kFitLanes);
+    }
+    for_each_batch(slot, end, [&](int left, auto count) {
+      FitBatch batch = batch_to_fit<count>(left, next_run);
+      fit_rotations(batch);
+      take_fit<count>(batch, left);
+    });
   });
 }
 

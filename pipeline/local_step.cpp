@@ -1,8 +1,8 @@
 // Second-order steps on the rotation group for the orthogonal Procrustes problem: with B = R^T S (S the sum
 // and the guess, weighed), the derivative of trace(exp([w])^T B) at w = 0 is the axial part of B, its second
 // derivative -(trace(P) I - P) with P the symmetric part of B. Steps are taken by Cayley's map, which needs
-// no sine. All lanes run the same straight line of arithmetic; quaternions are never normalised, their
-// matrices divide by the length.
+// no sine. All lanes run the same straight line of arithmetic. Quaternions are never normalised: a turn is a
+// quotient, so that B may be a multiple of itself.
 #include "pipeline/local_step.h"
 
 #include <cstring>
@@ -47,21 +47,36 @@ WideQuaternion load_rotation(const FitBatch& batch) {
           loaded<Floats>(batch.rotation[2]), loaded<Floats>(batch.rotation[3])};
 }
 
-void matrix_of(const WideQuaternion& q, WideMatrix& R) {
-  const Floats s = 2.0f / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-  R.at[0][0] = 1.0f - s * (q.y * q.y + q.z * q.z);
-  R.at[1][1] = 1.0f - s * (q.x * q.x + q.z * q.z);
-  R.at[2][2] = 1.0f - s * (q.x * q.x + q.y * q.y);
-  R.at[0][1] = s * (q.x * q.y - q.w * q.z);
-  R.at[1][0] = s * (q.x * q.y + q.w * q.z);
-  R.at[0][2] = s * (q.x * q.z + q.w * q.y);
-  R.at[2][0] = s * (q.x * q.z - q.w * q.y);
-  R.at[1][2] = s * (q.y * q.z - q.w * q.x);
-  R.at[2][1] = s * (q.y * q.z + q.w * q.x);
+Floats square_of(const WideQuaternion& q) {
+  return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+}
+
+/// The rotation's matrix times the square of the quaternion's length.
+inline void matrix_of(const WideQuaternion& q, WideMatrix& R) {
+  const Floats x = 2.0f * q.x, y = 2.0f * q.y, z = 2.0f * q.z;
+  const Floats xx = q.x * q.x, yy = q.y * q.y, ww = q.w * q.w;
+  const Floats sum = ww + xx, difference = ww - xx, other_sum = q.z * q.z + yy,
+               other_difference = yy - q.z * q.z;
+  R.at[0][0] = sum - other_sum;
+  R.at[1][1] = difference + other_difference;
+  R.at[2][2] = difference - other_difference;
+  const Floats xy = x * q.y, xz = x * q.z, yz = y * q.z;
+  R.at[0][1] = xy - q.w * z;
+  R.at[1][0] = xy + q.w * z;
+  R.at[0][2] = xz + q.w * y;
+  R.at[2][0] = xz - q.w * y;
+  R.at[1][2] = yz - q.w * x;
+  R.at[2][1] = yz + q.w * x;
+}
+
+void scale(const Floats& factor, WideMatrix& matrix) {
+  for (auto& row : matrix.at) {
+    for (Floats& entry : row) entry *= factor;
+  }
 }
 
 /// B = R^T S.
-void turned_back(const WideMatrix& R, const WideMatrix& S, WideMatrix& B) {
+inline void turned_back(const WideMatrix& R, const WideMatrix& S, WideMatrix& B) {
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) {
       B.at[row][column] =
@@ -76,7 +91,7 @@ struct WideVector {
 
 /// The turn that Newton's method wants: curvature^-1 slope, or a share of the slope where the curvature
 /// points the wrong way (the slope never does).
-void wanted_turn(const WideMatrix& B, WideVector& turn) {
+inline void wanted_turn(const WideMatrix& B, WideVector& turn) {
   const WideVector slope = {B.at[2][1] - B.at[1][2], B.at[0][2] - B.at[2][0], B.at[1][0] - B.at[0][1]};
   const Floats a = B.at[1][1] + B.at[2][2];
   const Floats b = B.at[0][0] + B.at[2][2];
@@ -85,26 +100,30 @@ void wanted_turn(const WideMatrix& B, WideVector& turn) {
   const Floats e = -0.5f * (B.at[0][2] + B.at[2][0]);
   const Floats f = -0.5f * (B.at[1][2] + B.at[2][1]);
   const Floats cofactor_a = b * c - f * f;
+  const Floats cofactor_c = a * b - d * d;
   const Floats cofactor_d = e * f - d * c;
   const Floats cofactor_e = d * f - b * e;
+  const Floats cofactor_f = d * e - a * f;
   const Floats determinant = a * cofactor_a + d * cofactor_d + e * cofactor_e;
-  const Integers curved = (a > 0.0f) & (a * b - d * d > 0.0f) & (determinant > kLeastCurvature);
-  const Floats newton = 1.0f / (curved ? determinant : Floats{} + 1.0f);
-  turn.x = curved ? newton * (cofactor_a * slope.x + cofactor_d * slope.y + cofactor_e * slope.z) : slope.x;
-  turn.y = curved ? newton * (cofactor_d * slope.x + (a * c - e * e) * slope.y + (d * e - a * f) * slope.z)
-                  : slope.y;
-  turn.z = curved ? newton * (cofactor_e * slope.x + (d * e - a * f) * slope.y + (a * b - d * d) * slope.z)
-                  : slope.z;
-  // Beyond a radian the quadratic model says little.
+  const Integers curved = (a > 0.0f) & (cofactor_c > 0.0f) & (determinant > kLeastCurvature);
+  const auto times_divisor = [&](const Floats& newton, const Floats& slope_alone) {
+    return curved ? newton : slope_alone;
+  };
+  turn.x = times_divisor(cofactor_a * slope.x + cofactor_d * slope.y + cofactor_e * slope.z, slope.x);
+  turn.y = times_divisor(cofactor_d * slope.x + (a * c - e * e) * slope.y + cofactor_f * slope.z, slope.y);
+  turn.z = times_divisor(cofactor_e * slope.x + cofactor_f * slope.y + cofactor_c * slope.z, slope.z);
+  // Beyond a radian the quadratic model says little: the longer, the less of it. One division for both cases.
+  const Floats divisor = curved ? determinant : Floats{} + 1.0f;
   const Floats length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
-  const Floats limit = 1.0f / (length > 1.0f ? length : Floats{} + 1.0f);
-  turn.x *= limit;
-  turn.y *= limit;
-  turn.z *= limit;
+  const Integers far = length > divisor * divisor;
+  const Floats factor = (far ? divisor : Floats{} + 1.0f) / (far ? length : divisor);
+  turn.x *= factor;
+  turn.y *= factor;
+  turn.z *= factor;
 }
 
 /// q <- q (1 + turn / 2), but for its length.
-void apply(const WideVector& turn, WideQuaternion& q) {
+inline void apply(const WideVector& turn, WideQuaternion& q) {
   const Floats x = 0.5f * turn.x;
   const Floats y = 0.5f * turn.y;
   const Floats z = 0.5f * turn.z;
@@ -112,15 +131,15 @@ void apply(const WideVector& turn, WideQuaternion& q) {
        q.z + q.w * z + q.x * y - q.y * x, q.w - q.x * x - q.y * y - q.z * z};
 }
 
-bool all_small(const WideVector& turn) {
-  const Floats length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
-  float longest = 0.0f;
-  for (int lane = 0; lane < kFitLanes; ++lane) longest = length[lane] > longest ? length[lane] : longest;
-  return longest < kSmallStep;
+/// The largest of the lanes.
+float largest(const Floats& lanes) {
+  float result = lanes[0];
+  for (int lane = 1; lane < kFitLanes; ++lane) result = lanes[lane] > result ? lanes[lane] : result;
+  return result;
 }
 
 /// 1 / sqrt(x) for x > 0 to single precision: a guess from the exponent, then Newton's method.
-void inverse_root(const Floats& x, Floats& result) {
+inline void inverse_root(const Floats& x, Floats& result) {
   Integers bits;
   std::memcpy(&bits, &x, sizeof bits);
   constexpr int bits_of_guess = 0x5f3759df;
@@ -130,16 +149,14 @@ void inverse_root(const Floats& x, Floats& result) {
 }
 
 /// Makes the entries' squares sum to one, or leaves a zero matrix as it is.
-void scale_to_one(WideMatrix& matrix) {
+inline void scale_to_one(WideMatrix& matrix) {
   Floats squares = Floats{} + 1e-37f;
   for (const auto& row : matrix.at) {
     for (const Floats& entry : row) squares = squares + entry * entry;
   }
   Floats inverse;
   inverse_root(squares, inverse);
-  for (auto& row : matrix.at) {
-    for (Floats& entry : row) entry *= inverse;
-  }
+  scale(inverse, matrix);
 }
 
 /// 2^(factor log2 x) for x from 1/8 to 8 and small factors, to single precision.
@@ -168,36 +185,61 @@ void clamp(float low, float high, Floats& value) {
   value = value > high ? Floats{} + high : value;
 }
 
+/// One step's arithmetic takes less time than its results take to arrive: kBatches fill each other's waits.
+template <int kBatches>
+void fit(FitBatch* batches) {
+  WideMatrix S[kBatches], R[kBatches];
+  WideQuaternion q[kBatches];
+  for (int k = 0; k < kBatches; ++k) {
+    S[k] = load_sum(batches[k]);
+    scale_to_one(S[k]);
+    q[k] = load_rotation(batches[k]);
+    matrix_of(q[k], R[k]);
+    const Floats unit = 1.0f / square_of(q[k]);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        Floats& entry = S[k].at[row][column];
+        entry = unit * (entry + (kGuessCounts * unit) * R[k].at[row][column]);
+      }
+    }
+  }
+  for (int step = 0; step < kMostSteps; ++step) {
+    Floats turned = {};
+    for (int k = 0; k < kBatches; ++k) {
+      WideMatrix B;
+      WideVector turn;
+      turned_back(R[k], S[k], B);
+      wanted_turn(B, turn);
+      apply(turn, q[k]);
+      const Floats length = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z;
+      turned = length > turned ? length : turned;
+    }
+    if (largest(turned) < kSmallStep) break;
+    for (int k = 0; k < kBatches; ++k) matrix_of(q[k], R[k]);
+  }
+  for (int k = 0; k < kBatches; ++k) {
+    store(q[k].x, batches[k].rotation[0]);
+    store(q[k].y, batches[k].rotation[1]);
+    store(q[k].z, batches[k].rotation[2]);
+    store(q[k].w, batches[k].rotation[3]);
+  }
+}
+
 }  // namespace
 
 void fit_rotations(FitBatch& batch) {
-  WideMatrix S = load_sum(batch);
-  scale_to_one(S);
-  WideQuaternion q = load_rotation(batch);
-  WideMatrix guess;
-  matrix_of(q, guess);
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) S.at[row][column] += kGuessCounts * guess.at[row][column];
-  }
-  for (int step = 0; step < kMostSteps; ++step) {
-    WideMatrix R;
-    WideMatrix B;
-    WideVector turn;
-    matrix_of(q, R);
-    turned_back(R, S, B);
-    wanted_turn(B, turn);
-    apply(turn, q);
-    if (all_small(turn)) break;
-  }
-  store(q.x, batch.rotation[0]);
-  store(q.y, batch.rotation[1]);
-  store(q.z, batch.rotation[2]);
-  store(q.w, batch.rotation[3]);
+  fit<1>(&batch);
+}
+
+void fit_rotations(std::array<FitBatch, 2>& batches) {
+  fit<2>(batches.data());
 }
 
 void rotation_matrices(const FitBatch& batch, float (&matrix)[9][kFitLanes]) {
   WideMatrix R;
-  matrix_of(load_rotation(batch), R);
+  const WideQuaternion q = load_rotation(batch);
+  matrix_of(q, R);
+  scale(1.0f / square_of(q), R);
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) store(R.at[row][column], matrix[3 * row + column]);
   }

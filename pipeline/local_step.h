@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+
 #include "solver/wide.h"
 
 namespace sinew {
@@ -25,8 +27,9 @@ constexpr float kGuessCounts = 0.2f;
 ///
 /// Newton's method on rotations from the guess. Proper (determinant +1) also where a neighborhood is turned
 /// inside out. A zero sum keeps its guess. Right to single precision; the lanes do not influence one
-/// another's answers beyond that.
+/// another's answers beyond that. Two batches at once take little longer than one.
 void fit_rotations(FitBatch& batch);
+void fit_rotations(std::array<FitBatch, 2>& batches);
 
 /// Rotation matrices of the quaternions, row-major.
 void rotation_matrices(const FitBatch& batch, float (&matrix)[9][kFitLanes]);

@@ -51,9 +51,29 @@ Rig lattice_block(int along, int between) {
   return rig;
 }
 
-class LatticeBlocks : public testing::TestWithParam<std::pair<int, int>> {
+struct BlockKind {
+  int along, between;
+  bool weighted = false;  ///< every edge by its own weight, which leaves no runs
+};
+
+/// Any weights between 1/2 and 3/2 that both ends agree on.
+void weigh(Graph& graph) {
+  for (int node = 0; node + 1 < static_cast<int>(graph.offsets.size()); ++node)
+    for (int k = graph.offsets[node]; k < graph.offsets[node + 1]; ++k) {
+      const int low = std::min(node, graph.neighbors[k]), high = std::max(node, graph.neighbors[k]);
+      graph.weights[k] = 0.5 + (low * 31 + high * 17) % 64 / 64.0;
+    }
+}
+
+Rig block_of_kind(const BlockKind& kind) {
+  Rig rig = lattice_block(kind.along, kind.between);
+  if (kind.weighted) weigh(rig.volume.graph);
+  return rig;
+}
+
+class LatticeBlocks : public testing::TestWithParam<BlockKind> {
  protected:
-  LatticeBlocks() : rig(lattice_block(GetParam().first, GetParam().second)), nodes(rig) {
+  LatticeBlocks() : rig(block_of_kind(GetParam())), nodes(rig) {
     std::mt19937 random(7);
     std::uniform_real_distribution<float> number(-1.0f, 1.0f);
     const auto three = [&] { return Eigen::Vector4f(number(random), number(random), number(random), 0.0f); };
@@ -82,18 +102,22 @@ class LatticeBlocks : public testing::TestWithParam<std::pair<int, int>> {
   /// By the volume's graph.
   template <typename Body>
   void for_each_neighbor(int slot, const Body& body) const {
-    for (const int node : rig.volume.graph.neighbors_of(nodes.node_of_slot[slot]))
-      body(nodes.slot_of_node[node]);
+    const Graph& graph = rig.volume.graph;
+    const int node = nodes.node_of_slot[slot];
+    for (int k = graph.offsets[node]; k < graph.offsets[node + 1]; ++k)
+      body(nodes.slot_of_node[graph.neighbors[k]], graph.weights[k]);
   }
   Eigen::Vector3d wanted(int slot) const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for_each_neighbor(slot,
-                      [&](int other) { sum += 0.5 * (turn(slot) + turn(other)) * rest_edge(slot, other); });
+    for_each_neighbor(slot, [&](int other, double weight) {
+      sum += 0.5 * weight * (turn(slot) + turn(other)) * rest_edge(slot, other);
+    });
     return sum;
   }
   Eigen::Vector3d residual(int slot) const {
     Eigen::Vector3d sum = wanted(slot);
-    for_each_neighbor(slot, [&](int other) { sum -= edge_now(slot, other); });
+    for_each_neighbor(slot,
+                      [&](int other, double weight) { sum -= weight * edge_now(slot, other); });
     return sum;
   }
 
@@ -102,14 +126,18 @@ class LatticeBlocks : public testing::TestWithParam<std::pair<int, int>> {
 };
 
 TEST_P(LatticeBlocks, are_found_to_have_runs_along_their_axes) {
-  EXPECT_EQ(nodes.axes.along, GetParam().first);
-  EXPECT_EQ(nodes.axes.between, GetParam().second);
+  if (GetParam().weighted) {
+    EXPECT_TRUE(nodes.runs.empty());
+    return;
+  }
+  EXPECT_EQ(nodes.axes.along, GetParam().along);
+  EXPECT_EQ(nodes.axes.between, GetParam().between);
   EXPECT_NEAR(nodes.axes.half_spacing, kSpacing / 2.0 / nodes.diagonal, 1e-9);
   int inside = 0;
   for (int slot = 0; slot < nodes.free_count; ++slot) {
     int count = 0;
     bool held = false;
-    for_each_neighbor(slot, [&](int other) {
+    for_each_neighbor(slot, [&](int other, double) {
       ++count;
       held |= other >= nodes.free_count;
     });
@@ -121,12 +149,11 @@ TEST_P(LatticeBlocks, are_found_to_have_runs_along_their_axes) {
 
 TEST_P(LatticeBlocks, know_all_neighbors) {
   for (int slot = 0; slot < nodes.free_count; ++slot) {
-    std::vector<int> wanted, found;
-    for_each_neighbor(slot, [&](int other) { wanted.push_back(other); });
-    nodes.for_each_neighbor(slot, [&](int other, float weight) {
-      found.push_back(other);
-      EXPECT_EQ(weight, 1.0f);
+    std::vector<std::pair<int, float>> wanted, found;
+    for_each_neighbor(slot, [&](int other, double weight) {
+      wanted.emplace_back(other, static_cast<float>(weight));
     });
+    nodes.for_each_neighbor(slot, [&](int other, float weight) { found.emplace_back(other, weight); });
     std::sort(wanted.begin(), wanted.end());
     ASSERT_EQ(found, wanted) << "slot " << slot;
   }
@@ -151,8 +178,8 @@ TEST_P(LatticeBlocks, measure_what_the_residual_and_the_right_hand_side_are) {
   SystemSize wanted_size;
   for (int slot = 0; slot < nodes.free_count; ++slot) {
     Eigen::Vector3d b = wanted(slot);
-    for_each_neighbor(slot, [&](int other) {
-      if (other >= nodes.free_count) b += nodes.places[other].now.head<3>().cast<double>();
+    for_each_neighbor(slot, [&](int other, double weight) {
+      if (other >= nodes.free_count) b += weight * nodes.places[other].now.head<3>().cast<double>();
     });
     wanted_size.residual += residual(slot).squaredNorm();
     wanted_size.right_hand_side += b.squaredNorm();
@@ -171,8 +198,8 @@ TEST_P(LatticeBlocks, local_steps_see_all_edges) {
       sum_edges(nodes, first, count, next, batch);
       for (int lane = 0; lane < count; ++lane) {
         Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-        for_each_neighbor(first + lane, [&](int other) {
-          sum += edge_now(first + lane, other) * rest_edge(first + lane, other).transpose();
+        for_each_neighbor(first + lane, [&](int other, double weight) {
+          sum += weight * edge_now(first + lane, other) * rest_edge(first + lane, other).transpose();
         });
         for (int k = 0; k < 9; ++k)
           ASSERT_NEAR(batch.sum[k][lane], sum(k / 3, k % 3), 1e-6) << "slot " << first + lane;
@@ -182,8 +209,8 @@ TEST_P(LatticeBlocks, local_steps_see_all_edges) {
 }
 
 INSTANTIATE_TEST_SUITE_P(AllAxes, LatticeBlocks,
-                         testing::Values(std::pair(0, 1), std::pair(0, 2), std::pair(1, 0), std::pair(1, 2),
-                                         std::pair(2, 0), std::pair(2, 1)));
+                         testing::Values(BlockKind{0, 1}, BlockKind{0, 2}, BlockKind{1, 0}, BlockKind{1, 2},
+                                         BlockKind{2, 0}, BlockKind{2, 1}, BlockKind{0, 1, true}));
 
 TEST(FrameNodes, have_no_runs_where_an_edge_is_not_the_lattices) {
   Rig rig = lattice_block(0, 1);

@@ -105,6 +105,26 @@ TEST(Correction, going_on_with_any_solver_ends_at_the_direct_answer_to_single_pr
   }
 }
 
+TEST(Correction, estimates_of_v_cycles_are_neither_below_half_of_the_error_nor_above_four_times) {
+  const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
+  ThreadTeam team(1);
+  const MultigridSolver solver(problem.system, {}, team);
+  const CholeskySolver direct(problem.system);
+  const auto workspace = solver.make_correction_workspace();
+  Columns x = Columns::Zero(problem.b.rows(), 3), r, wanted(problem.b.rows(), 3);
+  refine(solver, problem, 1, x);
+  for (const Reach reach : {Reach::near, Reach::light, Reach::near}) {
+    residual(problem.system, problem.b, x, r);
+    direct.solve(r, wanted, {}, *direct.make_workspace(3));
+    set_residual(r, *workspace);
+    const double left = solver.correct(reach, kEnough, *workspace).error_left;
+    EXPECT_LT(largest_error(wanted, *workspace), 2 * left);
+    EXPECT_GT(largest_error(wanted, *workspace), left / 4);
+    for (Eigen::Index i = 0; i < r.rows(); ++i)
+      x.row(i) += workspace->correction[i].head<3>().cast<double>().transpose();
+  }
+}
+
 TEST(Correction, one_far_reaching_cycle_leaves_less_than_a_hundredth) {
   const graphs::Problem problem = graphs::bent(graphs::bcc_dumbbell(20000));
   ThreadTeam team(1);

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
@@ -57,6 +58,25 @@ TEST(Patches, hold_what_the_lattice_cannot_see_and_little_else) {
   }
   EXPECT_GT(held_of_sheet, 0.9 * in_sheet);
   EXPECT_LT(held_of_ball, 0.1 * static_cast<double>(patch.size()));
+}
+
+TEST(Patches, come_with_what_cycles_keep_of_errors_at_every_node) {
+  const graphs::Problem problem = graphs::bent(ball_and_crumpled_sheet());
+  ThreadTeam team(1);
+  const Hierarchy hierarchy(problem.system, {}, team);
+  const LargeVector<KeptShare>& kept = hierarchy.members().kept;
+  const std::vector<int> patch = patch_of_node(hierarchy.members());
+  ASSERT_EQ(kept.size(), patch.size());
+  std::vector<KeptShare> inside, outside;
+  for (std::size_t node = 0; node < kept.size(); ++node)
+    (patch[node] >= 0 ? inside : outside).push_back(kept[node]);
+  const auto median = [](std::vector<KeptShare>& shares) {
+    std::nth_element(shares.begin(), shares.begin() + shares.size() / 2, shares.end());
+    return static_cast<float>(shares[shares.size() / 2]) / kKeptUnits;
+  };
+  EXPECT_NEAR(median(inside), 0.2, 0.02) << "stubborn nodes: as much as the body at large, at most";
+  EXPECT_NEAR(median(outside), 0.13, 0.04);
+  EXPECT_GT(*std::min_element(outside.begin(), outside.end()), 0);
 }
 
 TEST(Patches, make_a_crumpled_part_cost_no_more_cycles_than_the_body_at_large) {

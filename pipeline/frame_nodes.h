@@ -79,10 +79,10 @@ struct FrameNodes {
   int slot_count = 0;
   LargeVector<int> node_of_slot;
   LargeVector<int> slot_of_node;
-  LargeVector<int> offsets;                      ///< per free slot, into links and weights: whole groups
-  LargeVector<int> links;                        ///< to slots, ascending: the held ones last, then to the slot
-                                                 ///< itself until the group is full; none of a slot in a run;
-                                                 ///< behind the last group some to spare
+  LargeVector<int> offsets;  ///< per free slot, into links and weights: whole groups
+  LargeVector<int> links;    ///< to slots, ascending: the held ones last, then to the slot
+                             ///< itself until the group is full; none of a slot in a run;
+                             ///< behind the last group some to spare
   LargeVector<float> weights;                    ///< empty where all are one
   LargeVector<float> inverse_rest_determinants;  ///< per free slot, of sum w e e^T; 0 where flat
   LargeVector<Eigen::Vector4f> half_rest_differences;  ///< per free slot outside runs: half of sum w e

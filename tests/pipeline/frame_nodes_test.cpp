@@ -116,8 +116,7 @@ class LatticeBlocks : public testing::TestWithParam<BlockKind> {
   }
   Eigen::Vector3d residual(int slot) const {
     Eigen::Vector3d sum = wanted(slot);
-    for_each_neighbor(slot,
-                      [&](int other, double weight) { sum -= weight * edge_now(slot, other); });
+    for_each_neighbor(slot, [&](int other, double weight) { sum -= weight * edge_now(slot, other); });
     return sum;
   }
 
@@ -150,9 +149,8 @@ TEST_P(LatticeBlocks, are_found_to_have_runs_along_their_axes) {
 TEST_P(LatticeBlocks, know_all_neighbors) {
   for (int slot = 0; slot < nodes.free_count; ++slot) {
     std::vector<std::pair<int, float>> wanted, found;
-    for_each_neighbor(slot, [&](int other, double weight) {
-      wanted.emplace_back(other, static_cast<float>(weight));
-    });
+    for_each_neighbor(
+        slot, [&](int other, double weight) { wanted.emplace_back(other, static_cast<float>(weight)); });
     nodes.for_each_neighbor(slot, [&](int other, float weight) { found.emplace_back(other, weight); });
     std::sort(wanted.begin(), wanted.end());
     ASSERT_EQ(found, wanted) << "slot " << slot;

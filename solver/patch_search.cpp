@@ -74,7 +74,7 @@ LargeVector<KeptShare> kept_shares(const std::vector<float>& left, float limit, 
   static_assert(kProbeCycles == 4);
   LargeVector<KeptShare> kept(left.size());
   for_items(team, static_cast<int>(left.size()), kRowsPerBlock, [&](int node) {
-    const float share = std::sqrt(std::sqrt(std::min(left[node], limit)));
+    const float share = std::sqrt(std::sqrt(std::min(limit, left[node])));  // what is not a number: the limit
     kept[node] = static_cast<KeptShare>(std::ceil(kKeptUnits * std::min(share, 1.0f)));
   });
   return kept;

@@ -387,8 +387,10 @@ void FrameNodes::group_links(const Neighborhoods& lists) {
     links.push_back(kLinkUnit * slot);
     if (!lists.weights.empty()) weights.push_back(weight);
   };
+  const auto in_runs = static_cast<std::size_t>(row_count(runs)), loose = free_count - in_runs;
   offsets.resize(static_cast<std::size_t>(free_count) + 1);
-  links.reserve(lists.neighbors.size() + kAhead);
+  links.reserve(lists.neighbors.size() - in_runs * kLatticeNeighbors + loose * (kLinkGroup - 1) + kAhead);
+  half_rest_differences.reserve(loose);
   ascend_parts(
       runs, 0, free_count,
       [&](int first, int last, int) {

@@ -44,8 +44,9 @@ struct LatticeAxes {
 /// Nodes renumbered into slots: the free ones in the solver's order, then the constrained ones.
 ///
 /// Positions are shares of the rest box's diagonal: at rest from the box's middle, now from the pose's first
-/// joint. Edges are handled in single precision as differences of what their ends keep: both ends of an edge
-/// see the same difference, so rounding bends the rest shape by 6e-8 of the diagonal and no more.
+/// joint. Edges are handled in single precision as differences of what their ends keep, those of a residual
+/// four and more at a time: a rigid body of 100,000 nodes is left 4e-8 at rest and, as M x0 is rounded, 2e-7
+/// when turned (root mean squares over the rows, each the sum of some fourteen edges).
 struct FrameNodes {
   explicit FrameNodes(const Rig& rig);
 

@@ -38,7 +38,7 @@ constexpr double kErrorLeftLight = 3.3;
 constexpr double kErrorLeftFurtherLight = 4.0;
 
 // What a cycle keeps of an error where that was not tried.
-constexpr float kKeptUnknown = 0.2f;
+constexpr float kKeptUnknown = 0.2f * kKeptUnits;
 
 // What the coarsest level's factor in single precision may leave of a correction: no smoother sees it.
 constexpr double kSinglePrecision = 1e-5;
@@ -124,7 +124,7 @@ Longest longest_rows(ThreadTeam& team, CorrectionCycle& own, const Eigen::Vector
     for (int i = even_block_begin(n, blocks, block); i < even_block_begin(n, blocks, block + 1); ++i) {
       const float row = rows[i].squaredNorm();
       const float step = before ? (rows[i] - before[i]).squaredNorm() : row;
-      const float share = shares.empty() ? kKeptUnknown : static_cast<float>(shares[i]) / kKeptUnits;
+      const float share = shares.empty() ? kKeptUnknown : static_cast<float>(shares[i]);
       raise(longest.row, row);
       raise(longest.step, step);
       raise(longest.kept, share * share * step);
@@ -137,6 +137,7 @@ Longest longest_rows(ThreadTeam& team, CorrectionCycle& own, const Eigen::Vector
     raise(all.step, longest.step);
     raise(all.kept, longest.kept);
   }
+  all.kept /= kKeptUnits * kKeptUnits;
   return all;
 }
 
